@@ -22,6 +22,7 @@ EXTRA_OF = {
     "ray": "cluster",
     "sbx": "learn",
     "selenium": "test",
+    "shapely": "parts",
     "snakemake": "reproduce",
     "trimesh": "view",
     "viser": "view",

@@ -28,7 +28,7 @@ from dovetail.tasks.options import (
     own_options,
     require_apart,
 )
-from dovetail.tasks.shipped import DEFAULT_ENV
+from dovetail.tasks.shipped import DEFAULT_ENV, IMPLIED_ENVS
 from dovetail.tasks.task import Task
 
 HELP, HELP_ALL = ("-h", "--help"), "--help-all"
@@ -49,7 +49,16 @@ def find_task(words: list[str], env: str | None = None) -> type[Task]:
     parser = argparse.ArgumentParser(add_help=False, allow_abbrev=False)
     parser.add_argument("--env", nargs="?")
     found, _ = parser.parse_known_args(words)
-    return task_class(found.env or env or DEFAULT_ENV)
+    return task_class(found.env or env or _implied_env(words) or DEFAULT_ENV)
+
+
+def _implied_env(words: list[str]) -> str | None:
+    """Return the environment that an option means where no `--env` is given."""
+    given = {word.partition("=")[0] for word in words}
+    if "--env" in given:
+        return None
+    found = (env for name, env in IMPLIED_ENVS.items() if f"--{name}" in given)
+    return next(found, None)
 
 
 def parse(
@@ -80,6 +89,8 @@ def parse(
     if "task_options" in names:
         task = task or find_task(words)
         require_apart(task, names, "options of the command")
+    if "env" in names and "env" not in (before or {}) and (env := _implied_env(words)):
+        words = [*words, "--env", env]
     is_help = any(word in (*HELP, HELP_ALL) for word in words)
     is_short = is_help and HELP_ALL not in words
     page = _Page(commands, task, common if is_short else (), before or {})
@@ -91,6 +102,8 @@ def parse(
         config=(tyro.conf.OmitArgPrefixes, tyro.conf.DisallowNone),
         registry=page.registry(),
     )
+    if task and "task_options" in given:
+        given |= {"task_options": task.whole(given["task_options"])}
     return kind(**given)  # not by tyro, which would put a frame around its errors
 
 

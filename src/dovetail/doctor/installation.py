@@ -35,6 +35,7 @@ EXTRAS = {
     "teach": ("pyspacemouse", "a 3D mouse in the cockpit"),
     "film": ("moviepy", "Gymnasium's RecordVideo, and its window"),
     "cluster": ("ray", "fits on several machines"),
+    "parts": ("shapely", "parts from outlines"),
 }
 """Optional packages by the extra that brings them, and what for."""
 

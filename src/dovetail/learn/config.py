@@ -56,6 +56,7 @@ class TrainConfig(
         fill_in(self, period=require_period(self.period, "period"))
         split_settings(self.task_class, self.given())
         require_types(self.task_options, self.task_class)
+        fill_in(self, task_options=self.task_class.whole(self.task_options))
         find_robot(self.robot)
         require_tracker(self.tracker)
         if self.fixture is not None and not self.fixed_goal:

@@ -94,6 +94,10 @@ def policy_settings(
     except ConfigError as error:
         raise PolicyError(f"the policy's JSON file is damaged: {error}") from error
     own = {name: env[name] for name in ("task", *options) if name in env}
+    try:
+        own = task.whole(own, may_read=False)
+    except ConfigError as error:
+        raise PolicyError(f"the policy's JSON file is damaged: {error}") from error
     return own | {name: checked[name] for name in shared if name in CHOSEN}
 
 

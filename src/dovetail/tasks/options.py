@@ -92,7 +92,7 @@ def gather_options(settings: Mapping[str, Any], task: type[Task]) -> dict[str, A
     names = option_types(task)
     own = {k: v for k, v in settings.items() if k in names and v is not None}
     rest = {k: v for k, v in settings.items() if k not in names}
-    return rest | {"task_options": own}
+    return rest | {"task_options": task.whole(own)}
 
 
 def parse_values(text: str, task: type[Task]) -> tuple[str, tuple[Any, ...]]:

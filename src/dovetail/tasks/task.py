@@ -4,6 +4,7 @@ A task knows no arm, no engine and no policy. `ContactEnv` runs it on any arm.
 """
 
 from abc import ABC, abstractmethod
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
@@ -175,6 +176,23 @@ class Task(ABC):
     def gap(self) -> float | None:
         """Return the gap between held part and fixture on each side [m], if any."""
         return None
+
+    @classmethod
+    def whole(
+        cls, options: Mapping[str, Any], *, may_read: bool = True
+    ) -> dict[str, Any]:
+        """Return options of the task that name no other file, for a policy to carry.
+
+        Args:
+            options: By name.
+            may_read: Read the files that options name; False refuses them: the options
+                are of a file that may be a stranger's.
+
+        Raises:
+            ConfigError: A file cannot be read, or must not be.
+        """
+        del may_read
+        return dict(options)
 
     @classmethod
     def low_starts(cls) -> dict[str, Any]:

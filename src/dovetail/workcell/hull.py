@@ -102,3 +102,26 @@ def _planes(points: Array, faces: NDArray[np.int64]) -> tuple[Array, Array]:
     length = np.linalg.norm(normals, axis=1, keepdims=True)
     normals = normals / np.maximum(length, np.finfo(float).tiny)
     return normals, np.einsum("fi,fi->f", normals, a)
+
+
+def thinner(points: Array, distance: float) -> Array | None:
+    """Return corners of a hull whose sides all moved inwards, level faces left alone.
+
+    A face moves along its normal by the distance, times how steep it is. The corners
+    are those of the planes: faces of the hull of the planes' dual points.
+
+    Args:
+        points: Corners of the hull [m].
+        distance: How far a vertical face moves; negative outwards [m].
+
+    Returns:
+        The corners [m], or None where nothing is left.
+    """
+    inner = points.mean(axis=0)
+    normals, offsets = _planes(points - inner, hull_faces(points))
+    offsets = offsets - distance * np.hypot(normals[:, 0], normals[:, 1])
+    if offsets.min() <= _FLAT:
+        return None
+    dual = normals / offsets[:, None]
+    planes, distances = _planes(dual, hull_faces(dual))
+    return inner + planes / distances[:, None]

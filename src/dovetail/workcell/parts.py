@@ -64,6 +64,18 @@ class Primitive(NamedTuple):
         R = exact_rotation(self.quat_wxyz)
         return self.position + R @ solid_of(self.size).centre
 
+    def require_size(self, whose: str) -> None:
+        """Refuse a size that no engine can build.
+
+        Args:
+            whose: What it is a shape of, for the message.
+
+        Raises:
+            ConfigError: Names the shape, the number and what is allowed.
+        """
+        if wrong := _wrong_size(self.kind, self.size):
+            raise ConfigError(f"shape {self.name!r} of {whose}, a {wrong}")
+
     def corners(self) -> Array:
         """Return corners around it in the part's frame, shape (corners, 3).
 
@@ -123,7 +135,8 @@ class Part:
         if not self.primitives:
             raise ConfigError(f"part {self.name} has no shape; give one primitive")
         names = [primitive.name for primitive in self.primitives]
-        for name, kind, size, *_, mass in self.primitives:
+        for primitive in self.primitives:
+            name, kind, mass = primitive.name, primitive.kind, primitive.mass
             if names.count(name) > 1:
                 raise ConfigError(f"part {self.name} has two shapes {name!r}")
             if kind not in _SIZES:
@@ -131,8 +144,7 @@ class Part:
                     f"shape {name!r} of part {self.name} is a {kind!r}; known: "
                     f"{', '.join(_SIZES)}"
                 )
-            if wrong := _wrong_size(kind, size):
-                raise ConfigError(f"shape {name!r} of part {self.name}, a {wrong}")
+            primitive.require_size(f"part {self.name}")
             if not 0.0 <= mass < math.inf:
                 raise ConfigError(
                     f"shape {name!r} of part {self.name} has a mass of {mass} kg; "

@@ -1,0 +1,95 @@
+"""Areas in the plane as convex pieces: triangles of shapely, merged where convex."""
+
+from typing import Any
+
+import numpy as np
+
+from dovetail.errors import MissingDependencyError, install_command
+from dovetail.types import Array
+from dovetail.workcell.outline import Outline
+
+_DENT = 1e-10
+"""Largest depth of a dent that a convex piece fills [m]."""
+
+
+def import_shapely() -> Any:
+    """Return the module shapely.
+
+    Raises:
+        MissingDependencyError: It is not installed.
+    """
+    try:
+        import shapely
+    except ImportError as error:
+        raise MissingDependencyError(
+            f"outlines need shapely, which is not installed: {install_command('parts')}"
+        ) from error
+    return shapely
+
+
+def why_invalid(outline: Outline) -> str:
+    """Return why an outline's lines meet one another; empty if they do not."""
+    shapely = import_shapely()
+    area = shapely.Polygon(outline.outer, outline.holes)
+    if shapely.is_valid(area):
+        return ""
+    return str(shapely.is_valid_reason(area)).lower()
+
+
+def convex_pieces(outline: Outline) -> list[Array]:
+    """Return an area as convex pieces that do not overlap, counter-clockwise.
+
+    Their corners are the outline's own, to the last bit.
+
+    Raises:
+        MissingDependencyError: shapely is not installed.
+    """
+    if not outline.holes and _is_convex(outline.outer):
+        return [outline.outer]
+    shapely = import_shapely()
+    area = shapely.Polygon(outline.outer, outline.holes)
+    found = shapely.constrained_delaunay_triangles(area)
+    triangles = shapely.get_coordinates(shapely.get_parts(found)).reshape(-1, 4, 2)
+    flat = triangles[:, :3].reshape(-1, 2)
+    points, index = np.unique(flat, axis=0, return_inverse=True)
+    return _merge(points, index.reshape(-1, 3))
+
+
+def _merge(points: Array, triangles: Any) -> list[Array]:
+    """Merge neighbours, those with the longest common edge first."""
+    pieces = {}
+    for key, corners in enumerate(triangles.tolist()):
+        (ax, ay), (bx, by), (cx, cy) = points[corners]
+        is_left = (bx - ax) * (cy - ay) > (by - ay) * (cx - ax)
+        pieces[key] = corners if is_left else corners[::-1]
+    owner = {edge: key for key, piece in pieces.items() for edge in _edges(piece)}
+    shared = [(a, b) for a, b in owner if a < b and (b, a) in owner]
+    lengths = {(a, b): float(np.linalg.norm(points[a] - points[b])) for a, b in shared}
+    for a, b in sorted(shared, key=lambda edge: (-lengths[edge], edge)):
+        one, other = owner[a, b], owner[b, a]
+        joined = [*_from(pieces[one], b), *_from(pieces[other], a)[1:-1]]
+        if one == other or not _is_convex(points[joined]):
+            continue
+        pieces[one] = joined
+        del pieces[other]
+        owner |= dict.fromkeys(_edges(joined), one)
+    return [points[piece] for piece in pieces.values()]
+
+
+def _edges(piece: list[int]) -> list[tuple[int, int]]:
+    return list(zip(piece, [*piece[1:], piece[0]], strict=True))
+
+
+def _from(piece: list[int], first: int) -> list[int]:
+    """Return a closed line that begins with a corner."""
+    at = piece.index(first)
+    return piece[at:] + piece[:at]
+
+
+def _is_convex(line: Array) -> bool:
+    """Say whether no corner of a counter-clockwise line is a dent."""
+    before, after = np.roll(line, 1, axis=0), np.roll(line, -1, axis=0)
+    chord = after - before
+    out = line - before
+    side = out[:, 0] * chord[:, 1] - out[:, 1] * chord[:, 0]
+    return bool((side >= -_DENT * np.linalg.norm(chord, axis=1)).all())
