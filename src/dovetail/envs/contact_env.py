@@ -188,7 +188,8 @@ class ContactEnv(
         require_columns(self.arm, self.task.columns)
         self.max_steps = self.config.max_steps
         facts, seen, own = self.arm.facts, self.config, self.task.columns
-        self.scaling = Layout((*own, *seen.also), facts.robot, self.task.zero_offset())
+        also = (name for name in seen.also if name not in own)
+        self.scaling = Layout((*own, *also), facts.robot, self.task.zero_offset())
         self._walls = self.cell.walls
         if (tool := facts.limits).walls:
             self._walls = tuple(tool.x_min), tuple(tool.x_max)

@@ -9,7 +9,7 @@ from dovetail.arms.address import SCHEMES, parse_address
 from dovetail.arms.arm_address import ArmAddress
 from dovetail.control.limits import DeclaredErrors
 from dovetail.control.period import DEFAULT_PERIOD, require_period
-from dovetail.envs.registered import task_class
+from dovetail.envs.registered import make_task
 from dovetail.errors import ConfigError
 from dovetail.evaluation.perturbation import Perturbation
 from dovetail.learn.policy_env import known_env_id, policy_settings
@@ -215,7 +215,8 @@ def fixture_poses(
     config: EvaluationConfig, policy: Mapping[str, Any]
 ) -> tuple[FixturePose, ...]:
     """Return where the fixture is for the tries: the policy's own poses, or given."""
-    poses = task_class(known_env_id(policy, config.env)).trial_poses
+    options = policy_settings(policy, config.env) | config.task_options
+    poses = make_task(known_env_id(policy, config.env), options).trial_poses
     if config.fixture is None:
         return poses
     return (FixturePose.given(config.fixture, poses[0].facing),)

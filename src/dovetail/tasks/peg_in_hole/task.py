@@ -6,8 +6,8 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from dovetail.poses import Pose
-from dovetail.tasks.fixture_pose import FixturePose
+from dovetail.poses import Pose, quat_multiply
+from dovetail.tasks.fixture_pose import UPRIGHT, FixturePose, turned
 from dovetail.tasks.opening import IntoOpening, widened_gap
 from dovetail.tasks.peg_in_hole.geometry import (
     HoleBlock,
@@ -46,6 +46,8 @@ class PegInHole(IntoOpening):
     """Block that the peg goes into."""
     randomisation: RandomisationConfig = field(default_factory=RandomisationConfig)
     """Ranges of starts and holes."""
+    tilt: float = 0.0
+    """Half range of the hole's tilt about its x and y [rad]: B and C are commanded."""
 
     trial_poses: ClassVar[tuple[FixturePose, ...]] = (
         FixturePose("A", 0.56, -0.045, 0.085, -0.15),
@@ -81,7 +83,12 @@ class PegInHole(IntoOpening):
 
     def draw_fixture(self, rng: np.random.Generator) -> Pose:
         """Draw the true pose of the hole's mouth for an episode."""
-        return sample_hole(rng, self.randomisation)
+        hole = sample_hole(rng, self.randomisation)
+        if not self.tilt:
+            return hole
+        b, c = rng.uniform(-self.tilt, self.tilt, 2)
+        tilted = quat_multiply(hole.quat_wxyz, turned(UPRIGHT, 0.0, b, c))
+        return hole._replace(quat_wxyz=tilted)
 
     def draw_start(self, rng: np.random.Generator, fixture: Pose) -> Pose:
         """Draw the tool's start pose for an episode."""
@@ -90,7 +97,7 @@ class PegInHole(IntoOpening):
 
     def has_fixed_fixture(self) -> bool:
         """Return True if every hole that is drawn is the same."""
-        return self.randomisation.is_hole_fixed
+        return self.randomisation.is_hole_fixed and not self.tilt
 
     def depths(self) -> tuple[float, float]:
         """Return how deep the opening is, and which depth is done [m]."""
