@@ -193,7 +193,7 @@ def _describe(
         "arm_model": config.robot,
         "task": str(env.axes),
         "period": facts.period,
-        "fixture": [place.x, place.y, place.z, place.theta],
+        "fixture": list(place.numbers),
         "arm": parse_address(config.arm).text,
         "tare": env.is_tared,
         "commands": {
