@@ -31,8 +31,9 @@ class TriedTaskConfig:
     task_options: dict[str, Any] = field(default_factory=dict)
     """Fields of the task; left out, they are the policy's."""
     fixture: Placement = None
-    """Place of the fixture: x y z [m] of its frame and yaw [rad], world axes. Default
-    three poses, which an arm must be able to put the fixture at."""
+    """Place of the fixture: x y z [m] of its frame and yaw [rad], world axes; two more
+    numbers are its tilts B C [rad], about y and x. Default three poses, which an arm
+    must be able to put the fixture at."""
     max_steps: int | None = None
     """Policy steps of 50 ms in a try; default the policy's. With a search 400."""
     fall_back: float | None = None

@@ -93,7 +93,8 @@ class RecordedTaskConfig:
     task_options: dict[str, Any] = field(default_factory=dict)
     """Fields of the task; left out, they are its own."""
     fixture: Placement = None
-    """Pose of the fixture: x y z [m] of its frame and yaw [rad], world axes. Left out,
+    """Pose of the fixture: x y z [m] of its frame and yaw [rad], world axes; two more
+    numbers are its tilts B C [rad], about y and x. Left out,
     it is the task's own."""
     allow_contact: bool = False
     """Keep a sequence in which the held part touched something."""

@@ -76,7 +76,8 @@ def solve_pose(
             return q
         if error < best:
             best, closest = error, q
-    raise _unreachable(chain, pose, closest)
+    held = np.flatnonzero((closest <= q_min) | (closest >= q_max))
+    raise _unreachable(chain, pose, closest, tuple(int(i) for i in held))
 
 
 def _descend(
@@ -136,17 +137,23 @@ def _pose_error(translation: Vec3, R: Mat33) -> Vec6:
     return np.concatenate([translation, axis])
 
 
-def _unreachable(chain: "_core.Chain", pose: Pose, q: Vec7) -> ReachError:
-    """Say how far the closest configuration stays away."""
+def _unreachable(
+    chain: "_core.Chain", pose: Pose, q: Vec7, held: tuple[int, ...]
+) -> ReachError:
+    """Say how far the closest configuration stays away, and which joints hold it."""
     position, rotation = chain.pose(q)
     short = float(np.linalg.norm(pose.position - np.asarray(position)))
     error = rotation_error(pose.quat_wxyz, quat_from_matrix(rotation))
     turn = float(np.linalg.norm(error))
     x, y, z = (float(v) for v in pose.position)
+    names = " and ".join(f"A{i + 1} ({q[i]:.2f} rad)" for i in held)
+    limit = f", with {names} at the joint limit" if held else ""
     return ReachError(
         f"no configuration inside the joint limits puts the tool at "
         f"({x:.3f}, {y:.3f}, {z:.3f}) m: the closest found stays {short * 1e3:.1f} mm "
-        f"and {np.rad2deg(turn):.2f} deg away; choose a pose nearer to the robot",
+        f"and {np.rad2deg(turn):.2f} deg away{limit}; choose a pose nearer to the "
+        "robot",
         short,
         turn,
+        held,
     )

@@ -130,7 +130,8 @@ class PegInHole(IntoOpening):
 
     def describe(self) -> list[str]:
         """Return peg and clearance in words."""
-        return [f"{self.peg} peg", f"{1e3 * self.clearance:g} mm clearance per side"]
+        words = [f"{self.peg} peg", f"{1e3 * self.clearance:g} mm clearance per side"]
+        return words if self.facing == "up" else [*words, f"facing {self.facing}"]
 
     def outline(self) -> Outline:
         """Return the hole from above, and the block around it."""
