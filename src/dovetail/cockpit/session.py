@@ -61,8 +61,8 @@ class Session:
         Args:
             choice: Policy, place and task.
             logs: Folder of the Episode logs, which need not exist; None keeps none.
-            fixture: Place of the fixture: x y z [m] of its frame and yaw [rad], world
-                axes; None is the task's first trial pose.
+            fixture: Place of the fixture: x y z [m] of its frame, yaw and perhaps
+                tilts B C [rad], world axes; None is the task's first trial pose.
 
         Raises:
             DovetailError: See `choice.build`.

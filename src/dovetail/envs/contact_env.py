@@ -63,7 +63,8 @@ class ContactEnv(
     | 0-2 | f* x, y, z: acceleration of the unit-mass operational point | m/s2 | `f_scale` |
     | 3 | theta_des: desired rotation about the vertical, relative to the goal's | rad | `theta_range` |
 
-    B and C are held: the tool points down. On force axes the controller adds
+    B and C are held: the tool points down. Where the fixture tilts they are pose axes,
+    as A is, about the world's y and x. On force axes the controller adds
     `-force_damping` x velocity, so that an action is close to a velocity. Less than
     `near_distance` above the fixture's surface, and below it, the tool's speed is
     limited to `near_speed`, so that contact happens at no more than that under any

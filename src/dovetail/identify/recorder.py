@@ -94,8 +94,7 @@ class RecordedTaskConfig:
     """Fields of the task; left out, they are its own."""
     fixture: Placement = None
     """Pose of the fixture: x y z [m] of its frame and yaw [rad], world axes; two more
-    numbers are its tilts B C [rad], about y and x. Left out,
-    it is the task's own."""
+    numbers are its tilts B C [rad], about y and x. Left out, it is the task's own."""
     allow_contact: bool = False
     """Keep a sequence in which the held part touched something."""
 

@@ -29,8 +29,8 @@ class ArmPlaceConfig:
     """Keep the fixture where `fixture` says, for an arm that cannot move it."""
     fixture: Placement = None
     """Place of its frame: x y z [m], yaw [rad], world axes; two more numbers are its
-    tilts B C [rad], about y and x. Needs `fixed_goal`; default
-    the first pose in which the task's policies are tried."""
+    tilts B C [rad], about y and x. Needs `fixed_goal`; default the first pose in
+    which the task's policies are tried."""
 
 
 @settings()

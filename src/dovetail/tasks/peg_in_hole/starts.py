@@ -68,8 +68,8 @@ def is_clear_of_block(offset: Vec3, hole: Vec4, config: RandomisationConfig) -> 
 
     Above the mouth plus the gap everything is free; lower down only what lies beside
     the block's square footprint, widened by the peg's radius and the gap. A hole that
-    is tilted is seen along its own axis, where one side of the peg's end, which is
-    not, is lower than its middle.
+    is tilted is seen along its own axis: there one side of the peg's end is lower than
+    its middle, and the peg leans over the block.
 
     Args:
         offset: TCP minus the mouth's middle [m], world axes.
@@ -77,10 +77,10 @@ def is_clear_of_block(offset: Vec3, hole: Vec4, config: RandomisationConfig) -> 
         config: Block, peg and gap.
     """
     x, y, z = matrix_from_quat(hole).T @ offset
-    leaning = math.hypot(hole[1], hole[2])  # sine of half the tilt
-    if z >= config.gap + 2.0 * leaning * config.peg_radius:
+    lean = 2.0 * math.hypot(hole[1], hole[2])  # at least the sine of the tilt
+    if z >= config.gap + lean * config.peg_radius:
         return True
-    reach = config.block_half + config.peg_radius + config.gap
+    reach = config.block_half + config.peg_radius + config.gap - lean * min(z, 0.0)
     return max(abs(x), abs(y)) >= reach
 
 
