@@ -111,7 +111,7 @@ class ReachError(LimitError):
         self.rotation_error = rotation_error
         """Angle by which it is turned away [rad]."""
         self.joints = joints
-        """Joints, counted from 0, that are at a limit there."""
+        """Joints, counted from 0, at a limit on the way there."""
 
 
 class PlantError(DovetailError, RuntimeError):

@@ -177,7 +177,9 @@ def test_below_the_surface_only_what_lies_beside_the_turned_block_is_free():
     assert is_clear_of_block(np.array([0.0, 0.0, 0.005]), quat_about_z(0.3), config)
     assert not is_clear_of_block(np.array([0.0, 0.0, 0.004]), quat_about_z(0.3), config)
     assert is_clear_of_block(np.array([0.08, 0.0, -0.02]), quat_about_z(0.0), config)
-    assert not is_clear_of_block(np.array([0.07, 0.0, -0.02]), quat_about_z(0.0), config)
+    assert not is_clear_of_block(
+        np.array([0.07, 0.0, -0.02]), quat_about_z(0.0), config
+    )
     corner = matrix_from_quat(quat_about_z(0.3)) @ np.array([0.075, 0.075, -0.02])
     assert not is_clear_of_block(corner, quat_about_z(0.3), config)
 

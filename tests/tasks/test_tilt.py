@@ -240,7 +240,9 @@ def test_a_tilt_or_facing_that_is_not_there_is_refused(options):
 
 
 def test_a_tilted_block_needs_more_height_over_the_table():
-    cell = PegInHole(tilt=TILT).workcell(make("dovetail/PegInHole-v0").unwrapped.cell.robot)
+    cell = PegInHole(tilt=TILT).workcell(
+        make("dovetail/PegInHole-v0").unwrapped.cell.robot
+    )
     low = placed((0.0, TILT, 0.0))
     lowest = 0.03 * math.cos(TILT) + 0.05 * math.sin(TILT)
     cell.require_reachable(low._replace(position=np.array([0.6, 0.0, lowest + 1e-6])))

@@ -77,7 +77,7 @@ def _require_turnable(task: Task, cell: Workcell, arm: Arm, fixture: Pose) -> No
             f"A{i + 1} ({limits.q_min[i]:.2f} to {limits.q_max[i]:.2f} rad)"
             for i in error.joints
         )
-        why = f"at the limit of joint {held}" if held else "there"
+        why = f"at the limit of joint {held}" if held else "with every joint"
         tilt = math.acos(float(np.clip(goal.normal[2], -1.0, 1.0)))
         raise ConfigError(
             f"the {name} at {np.round(fixture.position, 4).tolist()} m opens "
