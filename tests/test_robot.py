@@ -158,5 +158,16 @@ def test_a_pose_out_of_reach_says_by_how_much(robot, q_home):
     with pytest.raises(ReachError, match=r"stays .* mm") as caught:
         robot.inverse_kinematics(Pose(np.array([1.5, 0.0, 0.3]), DOWN), q_home)
     assert caught.value.position_error == pytest.approx(0.45, abs=0.1)
+    assert caught.value.joints == ()
     with pytest.raises(ConfigError, match="position is"):
         robot.inverse_kinematics(Pose(np.array([np.nan, 0.0, 0.3]), DOWN), q_home)
+
+
+def test_a_pose_that_a_joint_keeps_out_of_reach_names_the_joint(robot, q_home):
+    limits = replace(robot.limits, q_max=robot.limits.q_max * [1, 1, 1, 1, 1, 0.3, 1])
+    stiff = replace(robot, limits=limits)
+    down = robot.tool_pose(q_home)
+    assert q_home[5] > limits.q_max[5]
+    with pytest.raises(ReachError) as caught:
+        stiff.inverse_kinematics(down, q_home)
+    assert 5 in caught.value.joints

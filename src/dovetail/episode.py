@@ -47,6 +47,7 @@ _Handler: TypeAlias = Callable[[int, FrameType | None], Any] | int | None
 _UNITS = CYCLE_UNITS | dict.fromkeys(("step", "reward", LED), "1")
 _UNITS |= {f"obs_{name}": unit for name, unit in CYCLE_UNITS.items()}
 _UNITS |= dict.fromkeys(("obs_theta", "obs_tilt_x", "obs_tilt_y"), "rad")
+_UNITS |= dict.fromkeys(("obs_nx", "obs_ny", "obs_nz"), "1")
 _WRENCH = tuple(name for name in CYCLE_COLUMNS if name.startswith("wrench_"))
 _MAY_BE_NAN = ("fx", "fy", "fz", *_WRENCH)  # what an arm or an old log does not know
 _NAME_BYTES = 1_000_000

@@ -99,13 +99,19 @@ class ReachError(LimitError):
     """A pose lies outside the reachable workspace."""
 
     def __init__(
-        self, message: str, position_error: float, rotation_error: float
+        self,
+        message: str,
+        position_error: float,
+        rotation_error: float,
+        joints: tuple[int, ...] = (),
     ) -> None:
         super().__init__(message)
         self.position_error = position_error
         """Distance of the closest configuration [m]."""
         self.rotation_error = rotation_error
         """Angle by which it is turned away [rad]."""
+        self.joints = joints
+        """Joints, counted from 0, at a limit on the way there."""
 
 
 class PlantError(DovetailError, RuntimeError):

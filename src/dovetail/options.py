@@ -34,9 +34,13 @@ Period: TypeAlias = Annotated[float, _time("--period")]
 Delay: TypeAlias = Annotated[float, _time("--delay")]
 """Type of a setting that holds a loop's delay [s]: 10ms on a command line."""
 Placement: TypeAlias = Annotated[
-    tuple[float, float, float, float] | None, tyro.conf.arg(metavar="X Y Z YAW")
+    tuple[float, float, float, float]
+    | tuple[float, float, float, float, float, float]
+    | None,
+    tyro.conf.arg(metavar="X Y Z YAW [B C]"),
 ]
-"""Type of a setting that holds the place of a fixture: x y z [m] and yaw [rad]."""
+"""Type of a setting that holds the place of a fixture: x y z [m] and yaw [rad], then,
+where it is tilted, B and C about y and x [rad]."""
 
 
 def some_paths(

@@ -17,7 +17,8 @@ from dovetail.cockpit.session import RESUME_AFTER
 from dovetail.episode import Episode
 from dovetail.errors import ConfigError
 from dovetail.learn.policy import PolicyError
-from dovetail.poses import Pose, matrix_from_quat
+from dovetail.poses import Pose, matrix_from_quat, theta_about_vertical
+from dovetail.tasks.fixture_pose import UPRIGHT
 from extras import need
 
 from .conftest import PLAIN, resume, wait_until
@@ -225,6 +226,19 @@ def test_a_dragged_fixture_follows_no_faster_than_a_hand(session):
         atol=1e-9,
     )
     assert session.core.fixture is session.snapshot.fixture
+
+
+def test_a_dragged_fixture_keeps_its_tilt(make_session):
+    session = make_session(fixture=(0.6, 0.0, 0.1, 0.1, 0.15, -0.1))
+    wait_until(lambda: session.snapshot is not None)
+    begin = session.snapshot.fixture
+    session.drag(begin.position + np.array([0.01, 0.0, 0.0]), 0.2)
+    simulate(session, 1.0)
+    end = session.snapshot.fixture.quat_wxyz
+    assert theta_about_vertical(end, np.array(UPRIGHT)) == pytest.approx(0.2)
+    rows = [matrix_from_quat(quat)[2] for quat in (begin.quat_wxyz, end)]
+    assert rows[0][2] < 0.99
+    np.testing.assert_allclose(*rows, atol=1e-9)  # a turn about the vertical alone
 
 
 def test_a_fixture_out_of_reach_is_refused_and_stays(session):

@@ -161,7 +161,7 @@ def test_holes_and_starts_fill_their_ranges_and_stay_inside():
         holes.append([*hole.position, yaw])
         offsets.append(offset)
         turns.append(theta_about_vertical(start.quat_wxyz, tool_down(yaw)))
-        assert is_clear_of_block(offset, yaw, config)
+        assert is_clear_of_block(offset, hole.quat_wxyz, config)
         below += offset[2] < 0.0
     centre, half = [0.60, 0.0, 0.10, 0.0], [0.05, 0.05, 0.02, 0.3]
     np.testing.assert_allclose(np.min(holes, 0), np.subtract(centre, half), atol=2e-3)
@@ -174,12 +174,14 @@ def test_holes_and_starts_fill_their_ranges_and_stay_inside():
 
 def test_below_the_surface_only_what_lies_beside_the_turned_block_is_free():
     config = RandomisationConfig()
-    assert is_clear_of_block(np.array([0.0, 0.0, 0.005]), 0.3, config)
-    assert not is_clear_of_block(np.array([0.0, 0.0, 0.004]), 0.3, config)
-    assert is_clear_of_block(np.array([0.08, 0.0, -0.02]), 0.0, config)
-    assert not is_clear_of_block(np.array([0.07, 0.0, -0.02]), 0.0, config)
+    assert is_clear_of_block(np.array([0.0, 0.0, 0.005]), quat_about_z(0.3), config)
+    assert not is_clear_of_block(np.array([0.0, 0.0, 0.004]), quat_about_z(0.3), config)
+    assert is_clear_of_block(np.array([0.08, 0.0, -0.02]), quat_about_z(0.0), config)
+    assert not is_clear_of_block(
+        np.array([0.07, 0.0, -0.02]), quat_about_z(0.0), config
+    )
     corner = matrix_from_quat(quat_about_z(0.3)) @ np.array([0.075, 0.075, -0.02])
-    assert not is_clear_of_block(corner, 0.3, config)
+    assert not is_clear_of_block(corner, quat_about_z(0.3), config)
 
 
 def test_ranges_without_a_free_start_are_an_error():

@@ -6,6 +6,7 @@ import pytest
 from dovetail.envs import registered
 from dovetail.envs.unwrapped import require_contact_env
 from dovetail.errors import ConfigError
+from dovetail.poses import matrix_from_quat
 from dovetail.search.corner import SEARCH_AXES, CornerSearch
 from dovetail.search.corner_config import CornerSearchConfig
 from dovetail.trackers.covered import Covered
@@ -99,6 +100,22 @@ def test_it_does_not_look_at_where_the_fixture_is():
             env.step(action)
         actions.append(steps)
     np.testing.assert_allclose(actions[0], actions[1], atol=1e-6)
+
+
+@pytest.mark.parametrize("facing", ["up", "robot"])
+def test_it_goes_in_along_the_axis_of_a_tilted_hole_and_turns_about_it(facing):
+    env, core = make((0.0, -0.01), facing=facing, tilt=0.2)
+    info, _ = search(env, core, seed=0)
+    assert core.task.goal(core.fixture).normal[2] < 0.99
+    assert info["success"]
+    # Turned as for the mouth, the tool would be turned by as much about the vertical.
+    actor = CornerSearch(core)
+    actor._look()
+    scale = np.array(core.commands.scale)
+    angles = actor._action(np.zeros(3), 0.0, 0.1)[3:] * scale[3:]
+    vector = [np.sin(angles[2]), np.sin(angles[1]), np.sin(angles[0])]
+    normal = matrix_from_quat(core.fixture.quat_wxyz)[:, 2]
+    np.testing.assert_allclose(vector, 0.1 * normal, atol=0.006)
 
 
 def test_it_goes_on_when_the_first_path_finds_nothing():

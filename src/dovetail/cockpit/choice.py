@@ -57,7 +57,8 @@ def build(
 
     Args:
         choice: Policy, place and task.
-        fixture: Place of the fixture: x y z [m] and yaw [rad]; None is the task's.
+        fixture: Place of the fixture: x y z [m], yaw and perhaps tilts B C [rad]; None
+            is the task's.
 
     Raises:
         DovetailError: No such policy, place or setting; they do not fit together; or

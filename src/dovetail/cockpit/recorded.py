@@ -13,7 +13,7 @@ import numpy as np
 
 from dovetail.cockpit.episode_logger import BELIEVED, FIXTURE, PULL
 from dovetail.envs.log_facts import CELL
-from dovetail.envs.registered import make_task, task_class
+from dovetail.envs.registered import make_task
 from dovetail.episode import Episode
 from dovetail.errors import ConfigError, LogError
 from dovetail.poses import Pose
@@ -87,7 +87,7 @@ class Recorded:
         columns = {name: episode[name] for name in episode.columns}
         begin = float(columns["time"][0])
         time = columns["time"] - begin
-        first = task_class(env_id).trial_poses[0]
+        first = task.trial_poses[0]
         pulls = _rows(path, episode.metadata, PULL, 4)
         return cls(
             name=f"{path.resolve().parent.name}/{path.stem}",

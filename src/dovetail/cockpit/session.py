@@ -32,7 +32,7 @@ from dovetail.envs.teleop import TeleopWrapper
 from dovetail.envs.unwrapped import require_contact_env
 from dovetail.envs.workspace import require_inside
 from dovetail.errors import ArmError, ConfigError, DovetailError
-from dovetail.poses import Pose, quat_about_z, quat_multiply
+from dovetail.poses import Pose, quat_about_z, quat_multiply, theta_about_vertical
 from dovetail.tasks.fixture_pose import FixturePose
 from dovetail.types import Vec3
 
@@ -61,8 +61,8 @@ class Session:
         Args:
             choice: Policy, place and task.
             logs: Folder of the Episode logs, which need not exist; None keeps none.
-            fixture: Place of the fixture: x y z [m] of its frame and yaw [rad], world
-                axes; None is the task's first trial pose.
+            fixture: Place of the fixture: x y z [m] of its frame, yaw and perhaps
+                tilts B C [rad], world axes; None is the task's first trial pose.
 
         Raises:
             DovetailError: See `choice.build`.
@@ -184,7 +184,9 @@ class Session:
         """
         require_simulated(self.core.arm)
         facing = np.array(self.core.task.trial_poses[0].facing)
-        quat = quat_multiply(quat_about_z(yaw), facing)
+        now = self.core.fixture.quat_wxyz  # it may be tilted, and stays so
+        turn = yaw - theta_about_vertical(now, facing)
+        quat = quat_multiply(quat_about_z(turn), now)
         pose = Pose(np.array(position, dtype=float), quat)
         require_inside(self.core.task, self.core.cell, self.core.arm, pose)
         if not self._is_stopped:

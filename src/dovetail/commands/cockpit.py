@@ -59,8 +59,9 @@ class ShownCellOptions:
     period: Period | None = None
     """Control period: 1ms, 2ms, 2.5ms or 5ms; default that of the policy's training."""
     fixture: Placement = None
-    """Place of the fixture: x y z [m] of its frame and yaw [rad], world axes; default
-    the task's first trial pose. Needed for an arm that cannot move it."""
+    """Place of the fixture: x y z [m] of its frame and yaw [rad], world axes; two more
+    numbers are its tilts B C [rad], about y and x. Default the task's first trial pose.
+    Needed for an arm that cannot move it."""
 
 
 @settings()

@@ -64,7 +64,8 @@ class ContactEnv(
     | 0-2 | f* x, y, z: acceleration of the unit-mass operational point | m/s2 | `f_scale` |
     | 3 | theta_des: desired rotation about the vertical, relative to the goal's | rad | `theta_range` |
 
-    B and C are held: the tool points down. On force axes the controller adds
+    B and C are held: the tool points down. Where the fixture tilts they are pose axes,
+    as A is, about the world's y and x. On force axes the controller adds
     `-force_damping` x velocity, so that an action is close to a velocity. Less than
     `near_distance` above the fixture's surface, and below it, the tool's speed is
     limited to `near_speed`, so that contact happens at no more than that under any
@@ -191,7 +192,8 @@ class ContactEnv(
         require_columns(self.arm, self.task.columns)
         self.max_steps = self.config.max_steps
         facts, seen, own = self.arm.facts, self.config, self.task.columns
-        self.scaling = Layout((*own, *seen.also), facts.robot, self.task.zero_offset())
+        also = (name for name in seen.also if name not in own)
+        self.scaling = Layout((*own, *also), facts.robot, self.task.zero_offset())
         self._walls = self.cell.walls
         if (tool := facts.limits).walls:
             self._walls = tuple(tool.x_min), tuple(tool.x_max)

@@ -7,7 +7,7 @@ import numpy as np
 
 from dovetail.arms.arm import Arm
 from dovetail.control.task_spec import TaskSpec
-from dovetail.errors import ConfigError, TrackerError
+from dovetail.errors import ConfigError, ReachError, TrackerError
 from dovetail.poses import Pose, matrix_from_quat
 from dovetail.tasks.task import Task
 from dovetail.trackers.tracker import Estimate
@@ -19,6 +19,7 @@ _HEIGHT = 0.020
 for a hand measurement, and no part is that flat."""
 _TILT = 0.15
 """Largest tilt of a fixture against its given normal [rad]."""
+_LEVEL = 1e-9  # of a normal's z, which is 1 where the tool points straight down
 _ADVICE = (
     "is the board on another part, bent, or the camera moved? put the board round the "
     "opening, calibrate again, or say where the fixture is"
@@ -35,7 +36,8 @@ def require_inside(task: Task, cell: Workcell, arm: Arm, fixture: Pose) -> None:
         fixture: The fixture's pose.
 
     Raises:
-        ConfigError: Names the axis, by how much it lies outside, and what is allowed.
+        ConfigError: Names the axis, by how much it lies outside, and what is allowed;
+            or the joints that keep the tool from being turned to it.
     """
     cell.require_reachable(fixture)
     low, high = cell.walls
@@ -50,6 +52,39 @@ def require_inside(task: Task, cell: Workcell, arm: Arm, fixture: Pose) -> None:
                     f"{low[i] + margin:g} to {high[i] - margin:g} m; move the "
                     f"{cell.fixture.name}{_margin_advice(margin)}"
                 )
+    _require_turnable(task, cell, arm, fixture)
+
+
+def _require_turnable(task: Task, cell: Workcell, arm: Arm, fixture: Pose) -> None:
+    """Refuse a fixture to which the tool cannot be turned.
+
+    Straight down the robot's reach says it all; a tilted or level tool may need more
+    of a joint than there is.
+
+    Raises:
+        ConfigError: Names the joints that are at their limits.
+    """
+    goal, robot = task.goal(fixture), arm.facts.robot
+    if goal.normal[2] > 1.0 - _LEVEL:
+        return
+    try:
+        robot.inverse_kinematics(
+            Pose(goal.position, goal.quat_wxyz), robot.posture(task.posture)
+        )
+    except ReachError as error:
+        name, limits = cell.fixture.name, robot.limits
+        held = " and ".join(
+            f"A{i + 1} ({limits.q_min[i]:.2f} to {limits.q_max[i]:.2f} rad)"
+            for i in error.joints
+        )
+        why = f"at the limit of joint {held}" if held else "with every joint"
+        tilt = math.acos(float(np.clip(goal.normal[2], -1.0, 1.0)))
+        raise ConfigError(
+            f"the {name} at {np.round(fixture.position, 4).tolist()} m opens "
+            f"{tilt:.3f} rad away from the vertical, and {why} the tool is still "
+            f"{1e3 * error.position_error:.1f} mm and {error.rotation_error:.3f} rad "
+            f"from its goal; turn the {name} less, or move it"
+        ) from error
 
 
 def require_plausible(

@@ -10,7 +10,7 @@ from dovetail.arms.arm_address import ArmAddress
 from dovetail.control.limits import DeclaredErrors
 from dovetail.control.period import DEFAULT_PERIOD, require_period
 from dovetail.envs.config import GRASP_ERROR, GRASP_TURN
-from dovetail.envs.registered import task_class
+from dovetail.envs.registered import make_task
 from dovetail.errors import ConfigError
 from dovetail.evaluation.perturbation import Perturbation
 from dovetail.learn.policy_env import known_env_id, policy_settings
@@ -32,8 +32,9 @@ class TriedTaskConfig:
     task_options: dict[str, Any] = field(default_factory=dict)
     """Fields of the task; left out, they are the policy's."""
     fixture: Placement = None
-    """Place of the fixture: x y z [m] of its frame and yaw [rad], world axes. Default
-    three poses, which an arm must be able to put the fixture at."""
+    """Place of the fixture: x y z [m] of its frame and yaw [rad], world axes; two more
+    numbers are its tilts B C [rad], about y and x. Default three poses, which an arm
+    must be able to put the fixture at."""
     max_steps: int | None = None
     """Policy steps of 50 ms in a try; default the policy's. With a search 400."""
     fall_back: float | None = None
@@ -221,7 +222,8 @@ def fixture_poses(
     config: EvaluationConfig, policy: Mapping[str, Any]
 ) -> tuple[FixturePose, ...]:
     """Return where the fixture is for the tries: the policy's own poses, or given."""
-    poses = task_class(known_env_id(policy, config.env)).trial_poses
+    options = policy_settings(policy, config.env) | config.task_options
+    poses = make_task(known_env_id(policy, config.env), options).trial_poses
     if config.fixture is None:
         return poses
     return (FixturePose.given(config.fixture, poses[0].facing),)

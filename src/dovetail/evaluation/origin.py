@@ -131,8 +131,12 @@ def describe_settings(
     settings = values_of(config)
     settings |= settings.pop("task_options")
     settings["environment"] = dict(options)
-    settings["fixture poses (x y z [m], theta [rad])"] = {
-        pose.name: f"{pose.x:g} {pose.y:g} {pose.z:g}, {pose.theta:g}" for pose in poses
+    is_tilted = any(pose.b or pose.c for pose in poses)
+    tilt = ", B C [rad]" if is_tilted else ""
+    settings[f"fixture poses (x y z [m], theta [rad]{tilt})"] = {
+        pose.name: f"{pose.x:g} {pose.y:g} {pose.z:g}, {pose.theta:g}"
+        + (f", {pose.b:g} {pose.c:g}" if is_tilted else "")
+        for pose in poses
     }
     if config.twin is not None:
         settings["twin file"] = load_twin(config.twin).table()

@@ -9,7 +9,7 @@ import numpy as np
 from dovetail.arms.arm import require_simulated
 from dovetail.arms.arm_address import ArmAddress
 from dovetail.control.period import POLICY_PERIOD
-from dovetail.envs.registered import make, task_class
+from dovetail.envs.registered import make, make_task
 from dovetail.envs.unwrapped import require_contact_env
 from dovetail.envs.workspace import require_inside
 from dovetail.errors import ConfigError
@@ -224,9 +224,9 @@ def make_perturbed(
     Raises:
         ConfigError: This cannot be done in this environment.
     """
-    task = task_class(env_id)
     if not perturbation.is_any:
         return make(env_id, **options)
+    task = make_task(env_id, options)
     is_upright = task.trial_poses[0].facing == UPRIGHT
     if not is_upright and (perturbation.fixture_shift or perturbation.start == "below"):
         raise ConfigError(

@@ -93,8 +93,8 @@ class RecordedTaskConfig:
     task_options: dict[str, Any] = field(default_factory=dict)
     """Fields of the task; left out, they are its own."""
     fixture: Placement = None
-    """Pose of the fixture: x y z [m] of its frame and yaw [rad], world axes. Left out,
-    it is the task's own."""
+    """Pose of the fixture: x y z [m] of its frame and yaw [rad], world axes; two more
+    numbers are its tilts B C [rad], about y and x. Left out, it is the task's own."""
     allow_contact: bool = False
     """Keep a sequence in which the held part touched something."""
 
@@ -193,7 +193,7 @@ def _describe(
         "arm_model": config.robot,
         "task": str(env.axes),
         "period": facts.period,
-        "fixture": [place.x, place.y, place.z, place.theta],
+        "fixture": list(place.numbers),
         "arm": parse_address(config.arm).text,
         "tare": env.is_tared,
         "commands": {

@@ -131,7 +131,9 @@ class Recording:
         Raises:
             LogError: What is missing or no number.
         """
-        require_numbers(path, "fixture", self.metadata["fixture"], 4)
+        place = self.metadata["fixture"]
+        is_tilted = isinstance(place, list) and len(place) > 4
+        require_numbers(path, "fixture", place, 6 if is_tilted else 4)
         try:
             self.settings()
         except (KeyError, TypeError, ValueError, IndexError) as error:

@@ -28,8 +28,9 @@ class ArmPlaceConfig:
     fixed_goal: bool = False
     """Keep the fixture where `fixture` says, for an arm that cannot move it."""
     fixture: Placement = None
-    """Place of its frame: x y z [m], yaw [rad], world axes. Needs `fixed_goal`; default
-    the first pose in which the task's policies are tried."""
+    """Place of its frame: x y z [m], yaw [rad], world axes; two more numbers are its
+    tilts B C [rad], about y and x. Needs `fixed_goal`; default the first pose in
+    which the task's policies are tried."""
 
 
 @settings()

@@ -69,7 +69,7 @@ class TrainConfig(
         if self.arm is not None:
             self._require_arm(self.arm)
         if (place := self.fixed_place) is not None:
-            fill_in(self, fixture=place[1:5])
+            fill_in(self, fixture=place.numbers)
         self._require_test()
         self._require_batch()
         self._require_dynamics()
@@ -243,8 +243,8 @@ class TrainConfig(
         """Fixed place of the fixture; None where each episode draws it."""
         if not self.fixed_goal:
             return None
-        usual = self.task_class.trial_poses[0]
-        return FixturePose.given(self.fixture or usual[1:5], usual.facing)
+        usual = self.made_task().trial_poses[0]
+        return FixturePose.given(self.fixture or usual.numbers, usual.facing)
 
     def for_seed(self, seed: int) -> Self:
         """Return the run of one of several seeds, in its own sub-folder."""

@@ -1,11 +1,12 @@
 """Settings of a policy's environment, for a training and an export."""
 
-from dataclasses import field, fields
+from dataclasses import field
 from functools import cached_property
 from typing import Any
 
 from dovetail.control.proven import DECLARED
 from dovetail.envs.config import EnvOptions
+from dovetail.envs.contract import build_task
 from dovetail.envs.registered import task_class
 from dovetail.settings import names_in, settings
 from dovetail.tasks.options import own_options, require_apart
@@ -59,13 +60,14 @@ class PolicyEnvConfig(EnvOptions):
 
     def own(self) -> dict[str, Any]:
         """Return what is not given and so is the task's own."""
-        own = {**own_options(self.task_class), "task": self._usual_axes()}
         given = self.given()
+        axes = given.get("task") or self.made_task().axes
+        own = {**own_options(self.task_class), "task": axes}
         return {name: value for name, value in own.items() if name not in given}
 
-    def _usual_axes(self) -> str:
-        (axes,) = (f.default for f in fields(self.task_class) if f.name == "axes")
-        return str(axes)
+    def made_task(self) -> Task:
+        """Return the task with its options; some of them decide what others are."""
+        return build_task(self.task_class, self.task_options)
 
 
 def find_task(env: str, beside: type) -> type[Task]:

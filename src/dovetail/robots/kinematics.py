@@ -64,7 +64,7 @@ def solve_pose(
     q_min, q_max = limits[0] + margin, limits[1] - margin
     seed = np.clip(np.asarray(q_seed, dtype=float), q_min, q_max)
     target = (np.asarray(pose.position, dtype=float), matrix_from_quat(pose.quat_wxyz))
-    best, closest = np.inf, seed
+    best, closest, first = np.inf, seed, seed
     rng = np.random.default_rng(0)
     for attempt in range(seeds):
         start = seed
@@ -74,9 +74,12 @@ def solve_pose(
         q, error = _descend(chain, target, start, (q_min, q_max), iterations, tolerance)
         if error < tolerance:
             return q
+        if not attempt:
+            first = q
         if error < best:
             best, closest = error, q
-    raise _unreachable(chain, pose, closest)
+    held = np.flatnonzero((first <= q_min) | (first >= q_max))
+    raise _unreachable(chain, pose, closest, tuple(int(i) for i in held))
 
 
 def _descend(
@@ -136,17 +139,23 @@ def _pose_error(translation: Vec3, R: Mat33) -> Vec6:
     return np.concatenate([translation, axis])
 
 
-def _unreachable(chain: "_core.Chain", pose: Pose, q: Vec7) -> ReachError:
-    """Say how far the closest configuration stays away."""
+def _unreachable(
+    chain: "_core.Chain", pose: Pose, q: Vec7, held: tuple[int, ...]
+) -> ReachError:
+    """Say how far the closest configuration stays away, and which joints hold it."""
     position, rotation = chain.pose(q)
     short = float(np.linalg.norm(pose.position - np.asarray(position)))
     error = rotation_error(pose.quat_wxyz, quat_from_matrix(rotation))
     turn = float(np.linalg.norm(error))
     x, y, z = (float(v) for v in pose.position)
+    names = " and ".join(f"A{i + 1}" for i in held)
+    limit = f", and on the way there {names} is at its limit" if held else ""
     return ReachError(
         f"no configuration inside the joint limits puts the tool at "
         f"({x:.3f}, {y:.3f}, {z:.3f}) m: the closest found stays {short * 1e3:.1f} mm "
-        f"and {np.rad2deg(turn):.2f} deg away; choose a pose nearer to the robot",
+        f"and {np.rad2deg(turn):.2f} deg away{limit}; choose a pose nearer to the "
+        "robot",
         short,
         turn,
+        held,
     )

@@ -194,7 +194,8 @@ class CornerSearch:
         """Return the action that commands f* [m/s2], a tilt and a turn [rad]."""
         axis = self._rotation @ self._tilt_axis
         tilted = matrix_from_quat(quat_from_vector(tilt * axis))
-        R = matrix_from_quat(quat_from_vector(turn * _UP)) @ tilted
+        out = self._rotation @ _UP
+        R = matrix_from_quat(quat_from_vector(turn * out)) @ tilted
         # The turns about the world's z, y, x, one after the other, that make R.
         about_z = math.atan2(-R[0, 1], R[0, 0])
         about_y = math.asin(R[0, 2])

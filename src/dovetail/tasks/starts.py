@@ -5,9 +5,9 @@ import math
 import numpy as np
 
 from dovetail.errors import ConfigError
-from dovetail.poses import Pose, quat_about_z, tool_down
+from dovetail.poses import Pose, matrix_from_quat, quat_about_z, tool_down
 from dovetail.settings import settings
-from dovetail.types import Vec3
+from dovetail.types import Vec3, Vec4
 
 
 @settings()
@@ -63,20 +63,24 @@ def sample_hole(rng: np.random.Generator, config: RandomisationConfig) -> Pose:
     return Pose(position, quat_about_z(rng.uniform(-config.hole_yaw, config.hole_yaw)))
 
 
-def is_clear_of_block(
-    offset: Vec3, hole_yaw: float, config: RandomisationConfig
-) -> bool:
+def is_clear_of_block(offset: Vec3, hole: Vec4, config: RandomisationConfig) -> bool:
     """Say whether a peg tip at `offset` from the mouth [m], world axes, is in free air.
 
     Above the mouth plus the gap everything is free; lower down only what lies beside
-    the block's square footprint, widened by the peg's radius and the gap.
+    the block's square footprint, widened by the peg's radius and the gap. A hole that
+    is tilted is seen along its own axis: there one side of the peg's end is lower than
+    its middle, and the peg leans over the block.
+
+    Args:
+        offset: TCP minus the mouth's middle [m], world axes.
+        hole: Rotation (wxyz) of the hole's frame.
+        config: Block, peg and gap.
     """
-    if offset[2] >= config.gap:
+    x, y, z = matrix_from_quat(hole).T @ offset
+    lean = 2.0 * math.hypot(hole[1], hole[2])  # at least the sine of the tilt
+    if z >= config.gap + lean * config.peg_radius:
         return True
-    c, s = math.cos(hole_yaw), math.sin(hole_yaw)
-    x = c * offset[0] + s * offset[1]
-    y = -s * offset[0] + c * offset[1]
-    reach = config.block_half + config.peg_radius + config.gap
+    reach = config.block_half + config.peg_radius + config.gap - lean * min(z, 0.0)
     return max(abs(x), abs(y)) >= reach
 
 
@@ -95,7 +99,7 @@ def sample_start(
     high = np.array([config.start_xy, config.start_xy, config.start_z[1]])
     for _ in range(1000):
         offset = rng.uniform(low, high)
-        if is_clear_of_block(offset, hole_yaw, config):
+        if is_clear_of_block(offset, hole.quat_wxyz, config):
             yaw = hole_yaw + rng.uniform(-config.start_yaw, config.start_yaw)
             return Pose(hole.position + offset, tool_down(yaw))
     raise ConfigError(

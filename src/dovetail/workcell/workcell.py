@@ -165,10 +165,12 @@ class Workcell:
             excess = max(distance - arm.farthest, arm.nearest - distance) - arm.aside
             if excess > 0.0:
                 at = np.round(fixture.position, 4).tolist()
-                side = "too far" if distance > arm.nearest else "too near"
+                is_far = distance > arm.nearest
+                side = "too far" if is_far else "too near"
+                held = "" if is_far else ": joint A4 would be past its limit"
                 raise ConfigError(
                     f"{self.fixture.name} at {at} m is {side} by {excess:.3f} m: the "
                     f"wrist would be {distance:.3f} m from the shoulder, with the "
                     f"tool at work {arm.nearest:.3f} to {arm.farthest:.3f} m can be "
-                    "reached; move it"
+                    f"reached{held}; move it"
                 )

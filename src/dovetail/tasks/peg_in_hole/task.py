@@ -1,12 +1,12 @@
 """Peg in hole (Kaspar et al. 2020): push a peg into a hole whose pose is known."""
 
 import math
-from dataclasses import dataclass, field
-from typing import Any, ClassVar
+from dataclasses import dataclass, field, replace
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 
-from dovetail.poses import Pose
+from dovetail.poses import Pose, matrix_from_quat
 from dovetail.tasks.fixture_pose import FixturePose
 from dovetail.tasks.opening import IntoOpening, widened_gap
 from dovetail.tasks.peg_in_hole.geometry import (
@@ -16,6 +16,7 @@ from dovetail.tasks.peg_in_hole.geometry import (
     hole_outline,
 )
 from dovetail.tasks.starts import (
+    HoleRangeConfig,
     RandomisationConfig,
     sample_hole,
     sample_start,
@@ -46,6 +47,12 @@ class PegInHole(IntoOpening):
     """Block that the peg goes into."""
     randomisation: RandomisationConfig = field(default_factory=RandomisationConfig)
     """Ranges of starts and holes."""
+    tilt: float = 0.0
+    """Half range of the hole's tilt about its own x and y [rad]; up to 0.2. Above 0 B
+    and C are commanded, and the policy sees tilt and normal."""
+    facing: Literal["up", "robot"] = "up"
+    """Way that the hole opens: up, or towards the robot, in a wall, with a level tool.
+    Then B and C are commanded, too."""
 
     trial_poses: ClassVar[tuple[FixturePose, ...]] = (
         FixturePose("A", 0.56, -0.045, 0.085, -0.15),
@@ -60,6 +67,16 @@ class PegInHole(IntoOpening):
         """Refuse a peg or a clearance that cannot be built."""
         Peg(shape=self.peg)
         super().__post_init__()
+        ranges, usual = self.randomisation, HoleRangeConfig()
+        if (ranges.hole_centre, ranges.hole_range) == (
+            usual.hole_centre,
+            usual.hole_range,
+        ):
+            there = {
+                "hole_centre": self._way.middle,
+                "hole_range": self._way.half_range,
+            }
+            object.__setattr__(self, "randomisation", replace(ranges, **there))
 
     def held(self) -> Part:
         """Return the peg; its end face is the TCP."""
@@ -81,16 +98,20 @@ class PegInHole(IntoOpening):
 
     def draw_fixture(self, rng: np.random.Generator) -> Pose:
         """Draw the true pose of the hole's mouth for an episode."""
-        return sample_hole(rng, self.randomisation)
+        return self.turned_fixture(rng, sample_hole(rng, self.randomisation))
 
     def draw_start(self, rng: np.random.Generator, fixture: Pose) -> Pose:
         """Draw the tool's start pose for an episode."""
-        yaw = 2.0 * math.atan2(fixture.quat_wxyz[3], fixture.quat_wxyz[0])
-        return sample_start(rng, fixture, yaw, self.randomisation)
+
+        def draw(hole: Pose) -> Pose:
+            yaw = 2.0 * math.atan2(hole.quat_wxyz[3], hole.quat_wxyz[0])
+            return sample_start(rng, hole, yaw, self.randomisation)
+
+        return self.turned_start(fixture, draw)
 
     def has_fixed_fixture(self) -> bool:
         """Return True if every hole that is drawn is the same."""
-        return self.randomisation.is_hole_fixed
+        return self.randomisation.is_hole_fixed and not self.tilt
 
     def depths(self) -> tuple[float, float]:
         """Return how deep the opening is, and which depth is done [m]."""
@@ -98,7 +119,8 @@ class PegInHole(IntoOpening):
 
     def zero_offset(self) -> Vec3:
         """Return the mouth from the goal [m]: there millimetres decide."""
-        return self.block.depth * np.array([0.0, 0.0, 1.0])
+        out = matrix_from_quat(np.array(self._way.quat_wxyz))[:, 2]
+        return self.block.depth * out
 
     @classmethod
     def low_starts(cls) -> dict[str, Any]:
@@ -108,7 +130,8 @@ class PegInHole(IntoOpening):
 
     def describe(self) -> list[str]:
         """Return peg and clearance in words."""
-        return [f"{self.peg} peg", f"{1e3 * self.clearance:g} mm clearance per side"]
+        words = [f"{self.peg} peg", f"{1e3 * self.clearance:g} mm clearance per side"]
+        return words if self.facing == "up" else [*words, f"facing {self.facing}"]
 
     def outline(self) -> Outline:
         """Return the hole from above, and the block around it."""
