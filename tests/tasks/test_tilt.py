@@ -12,12 +12,12 @@ from dovetail.errors import ConfigError
 from dovetail.evaluation.config import EvaluationConfig, fixture_poses
 from dovetail.learn.config import TrainConfig
 from dovetail.poses import matrix_from_quat
+from dovetail.tasks.drawn_opening import with_tilt
 from dovetail.tasks.facing import FACINGS, find_facing
 from dovetail.tasks.fixture_pose import FixturePose
-from dovetail.tasks.opening import with_tilt
-from dovetail.tasks.peg_in_hole.starts import RandomisationConfig, is_clear_of_block
 from dovetail.tasks.peg_in_hole.task import PegInHole
 from dovetail.tasks.rail_clip.task import RailClip
+from dovetail.tasks.starts import RandomisationConfig, is_clear_of_block
 
 TILT = 0.2
 PLACES = ((0.0, TILT, 0.0), (0.3, 0.0, -TILT), (-0.2, 0.15, 0.1))

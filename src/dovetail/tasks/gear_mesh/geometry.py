@@ -9,6 +9,7 @@ Reference:
 """
 
 import math
+from typing import Any
 
 import numpy as np
 
@@ -51,8 +52,8 @@ _HUB = 0.012
 _PLATE = 0.006
 _FLANK = 5
 """Points of a flank; the hull between them lies inside the involute, by 2 um."""
-_FLATS = 12
-"""Walls of the bore."""
+_FLATS, _SIDES = 12, 24
+"""Walls of the bore, and sides of what is round."""
 _HELD_RGBA = (0.90, 0.55, 0.15, 1.0)
 
 
@@ -147,16 +148,26 @@ def _ring(name: str, inner: float, outer: float, low: float, high: float) -> lis
     return shapes
 
 
-def _cone(name: str, wide: float, narrow: float, low: float, high: float) -> Primitive:
-    """Return a truncated cone about z, narrow at its upper end."""
-    angles = 2.0 * math.pi * np.arange(_FLATS * 2) / (_FLATS * 2)
+def _round(
+    name: str, radii: tuple[float, float], low: float, high: float, **more: Any
+) -> Primitive:
+    """Return a round piece about z, as a hull of 24 sides: a cylinder or a cone.
+
+    Args:
+        name: Of the piece.
+        radii: At its lower and its upper end [m].
+        low: Height of its lower end [m].
+        high: Of its upper end [m].
+        more: Place, colour and mass.
+    """
+    angles = 2.0 * math.pi * np.arange(_SIDES) / _SIDES
     rim = np.stack([np.cos(angles), np.sin(angles)], axis=1)
     rings = [
-        np.column_stack([radius * rim, np.full(len(rim), z)])
-        for radius, z in ((wide, low), (narrow, high))
+        np.column_stack([radius * rim, np.full(_SIDES, z)])
+        for radius, z in zip(radii, (low, high), strict=True)
     ]
     size = tuple(np.vstack(rings).ravel().tolist())
-    return Primitive(name, "convex", size, np.zeros(3))
+    return Primitive(name, "convex", size, more.pop("at", np.zeros(3)), **more)
 
 
 def gear(clearance: float) -> Part:
@@ -169,15 +180,13 @@ def gear(clearance: float) -> Part:
     # The tool's z points down: what is above has negative z, and +y is -y of the shaft.
     rim = _ROOT * math.cos(math.pi / _FLATS)
     low, hub = -FACE, -(DEPTH + 0.004)
-    length = STALK_LENGTH
-    stalk = Primitive(
+    stalk = _round(
         "gear_stalk",
-        "cylinder",
-        (STALK_RADIUS, length / 2.0),
-        np.array([0.0, 0.0, hub - length / 2.0]),
-        IDENTITY,
-        _HELD_RGBA,
-        DENSITY * math.pi * STALK_RADIUS**2 * length,
+        (STALK_RADIUS, STALK_RADIUS),
+        hub - STALK_LENGTH,
+        hub,
+        rgba=_HELD_RGBA,
+        mass=DENSITY * math.pi * STALK_RADIUS**2 * STALK_LENGTH,
     )
     return Part(
         "gear",
@@ -210,19 +219,9 @@ def station(widened: float) -> Part:
                 (*half.tolist(), _PLATE / 2.0),
                 np.array([DISTANCE / 2.0, 0.0, -DEPTH - _PLATE / 2.0]),
             ),
-            Primitive(
-                "shaft",
-                "cylinder",
-                (radius, (DEPTH - LEAD) / 2.0),
-                np.array([0.0, 0.0, -(DEPTH + LEAD) / 2.0]),
-            ),
-            _cone("shaft_end", radius, radius - LEAD, -LEAD, 0.0),
-            Primitive(
-                "standing_disc",
-                "cylinder",
-                (_ROOT, FACE / 2.0),
-                apart + np.array([0.0, 0.0, top - FACE / 2.0]),
-            ),
+            _round("shaft", (radius, radius), -DEPTH, -LEAD),
+            _round("shaft_end", (radius, radius - LEAD), -LEAD, 0.0),
+            _round("standing_disc", (_ROOT, _ROOT), top - FACE, top, at=apart),
             *(tooth._replace(position=apart) for tooth in teeth),
         ),
     )

@@ -1,10 +1,9 @@
 """Insert a part that a file describes into its fixture, straight down."""
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -12,16 +11,12 @@ from dovetail.errors import ConfigError
 from dovetail.gripper.facts import FORCE_RANGE, WIDTH_MAX
 from dovetail.poses import TOOL_DOWN, Pose
 from dovetail.robots.robot import GRAVITY
-from dovetail.tasks.fixture_pose import FixturePose
+from dovetail.tasks.drawn_opening import DrawnOpening
 from dovetail.tasks.insert.overlap import deepest_overlap
-from dovetail.tasks.opening import IntoOpening
 from dovetail.tasks.starts import (
     RandomisationConfig,
-    sample_hole,
-    sample_start,
 )
 from dovetail.tasks.task import Outline
-from dovetail.types import Vec3
 from dovetail.workcell.part_file import Pair, read_pair
 from dovetail.workcell.part_text import require_whole, whole_part
 from dovetail.workcell.parts import Part
@@ -58,7 +53,7 @@ class _Facts(NamedTuple):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Insert(IntoOpening):
+class Insert(DrawnOpening):
     """Insert a part into its fixture, both described by a file.
 
     XYZ are accelerations, the turn about the vertical is a pose. Starts are turned by
@@ -66,8 +61,6 @@ class Insert(IntoOpening):
     the nearest.
     """
 
-    axes: str = "XYZ:force A:pose BC:hold"
-    """Mode of each axis."""
     part: str = HEXAGON
     """Parts that go together: the path of a TOML file, see docs/your-own-part.md. The
     task, and a policy, hold the content."""
@@ -75,15 +68,6 @@ class Insert(IntoOpening):
     """Gap on each side [m]: the file's."""
     randomisation: RandomisationConfig = field(init=False)
     """Ranges of starts and fixtures: the peg's, free of this fixture."""
-
-    trial_poses: ClassVar[tuple[FixturePose, ...]] = (
-        FixturePose("A", 0.56, -0.045, 0.085, -0.15),
-        FixturePose("B", 0.60, 0.045, 0.10, 0.10),
-        FixturePose("C", 0.64, -0.01, 0.115, 0.20),
-    )
-    """Poses of the fixture when a policy is tried: x, y, z and theta all differ."""
-    recording_pose: ClassVar[FixturePose] = FixturePose("aside", 0.60, 0.0, 0.09, 0.0)
-    """In the middle of the walls, and low."""
 
     def __post_init__(self) -> None:
         """Read the part, and refuse one that cannot be held or inserted."""
@@ -120,23 +104,10 @@ class Insert(IntoOpening):
         """
         return self._pair.make_fixture(widened)
 
-    def draw_fixture(self, rng: np.random.Generator) -> Pose:
-        """Draw the true pose of the mouth for an episode."""
-        return sample_hole(rng, self.randomisation)
-
-    def draw_start(self, rng: np.random.Generator, fixture: Pose) -> Pose:
-        """Draw the tool's start pose for an episode."""
-        yaw = 2.0 * math.atan2(fixture.quat_wxyz[3], fixture.quat_wxyz[0])
-        return sample_start(rng, fixture, yaw, self.randomisation)
-
     def depths(self) -> tuple[float, float]:
         """Return how deep the opening is, and which depth is done [m]."""
         depth = self._pair.depth
         return depth, depth - min(_SLACK, depth / 10.0)
-
-    def zero_offset(self) -> Vec3:
-        """Return the mouth from the goal [m]: there millimetres decide."""
-        return self._pair.depth * np.array([0.0, 0.0, 1.0])
 
     def describe(self) -> list[str]:
         """Return the part and its gap in words."""
