@@ -1,6 +1,5 @@
 """Check that a start is in free air: depth of the tool in the things around it."""
 
-from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -10,14 +9,10 @@ from dovetail.plants.mjcf import build_mjcf
 from dovetail.plants.plant import require_configuration
 from dovetail.poses import Pose
 from dovetail.types import Vec7
-from dovetail.workcell.workcell import Workcell
+from dovetail.workcell.workcell import START_MARGIN, Walls, Workcell
 
 OVERLAP_MAX = 0.0002
 """Depth up to which a start counts as free air [m]: what touches is not in the way."""
-
-WALL_MARGIN = 0.02
-"""Distance of a drawn start from the walls [m]: a tare leads the tool 7.5 mm, and the
-limits slow it down before a wall. The shipped tasks' usual starts keep 21 mm."""
 
 
 class Overlap(NamedTuple):
@@ -97,19 +92,27 @@ class StartCheck:
             raise OverlapError(found, "give another start, higher above the fixture")
 
 
-def require_within(start: Pose, walls: tuple[Sequence[float], Sequence[float]]) -> None:
+def require_within(start: Pose, walls: Walls, starts: Walls | None = None) -> None:
     """Refuse a start so near to a wall that the tool could not be led from it.
 
     Args:
         start: The tool's pose.
         walls: Lowest and highest position of the tool [m].
+        starts: Box in which the tool starts [m]; None is all that the walls allow.
 
     Raises:
         StartError: Names the axis, the position and what is allowed.
     """
+    if starts is not None:
+        for name, at, low, high in zip("xyz", start.position, *starts, strict=True):
+            if not low <= at <= high:
+                raise StartError(
+                    f"the start has {name} = {at:.4f} m; the cell's start_low and "
+                    f"start_high allow {low:g} to {high:g} m"
+                )
     for name, at, low, high in zip("xyz", start.position, *walls, strict=True):
-        if not low + WALL_MARGIN <= at <= high - WALL_MARGIN:
+        if not low + START_MARGIN <= at <= high - START_MARGIN:
             raise StartError(
                 f"the start has {name} = {at:.4f} m; allowed between the walls: "
-                f"{low + WALL_MARGIN:g} to {high - WALL_MARGIN:g} m"
+                f"{low + START_MARGIN:g} to {high - START_MARGIN:g} m"
             )

@@ -1,7 +1,7 @@
 """Peg in hole (Kaspar et al. 2020): push a peg into a hole whose pose is known."""
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar
 
 import numpy as np
@@ -20,10 +20,13 @@ from dovetail.tasks.peg_in_hole.starts import (
     sample_hole,
     sample_start,
 )
+from dovetail.tasks.region import Region
 from dovetail.tasks.task import Outline
 from dovetail.types import Vec3
 from dovetail.workcell.parts import Part
 from dovetail.workcell.tool import Tool, wsg50
+
+_USUAL = RandomisationConfig()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,6 +56,10 @@ class PegInHole(IntoOpening):
         FixturePose("C", 0.64, -0.01, 0.115, 0.20),
     )
     """The three hole poses of the transfer table: x, y, z and theta all differ."""
+    trial_region: ClassVar[Region] = Region.about(
+        _USUAL.hole_centre, _USUAL.hole_range, _USUAL.hole_yaw
+    )
+    """The region from which a training draws its holes."""
     recording_pose: ClassVar[FixturePose] = FixturePose("aside", 0.60, 0.0, 0.09, 0.0)
     """In the middle of the walls, and low."""
 
@@ -82,6 +89,17 @@ class PegInHole(IntoOpening):
     def draw_fixture(self, rng: np.random.Generator) -> Pose:
         """Draw the true pose of the hole's mouth for an episode."""
         return sample_hole(rng, self.randomisation)
+
+    def draw_in(self, rng: np.random.Generator, region: Region) -> Pose:
+        """Draw the true pose of the hole's mouth in the region of a cell file."""
+        x, y, z = region.half.tolist()
+        ranges = replace(
+            self.randomisation,
+            hole_centre=tuple(region.middle.tolist()),
+            hole_range=(x, y, z),
+            hole_yaw=region.half_yaw,
+        )
+        return region.turned(sample_hole(rng, ranges))
 
     def draw_start(self, rng: np.random.Generator, fixture: Pose) -> Pose:
         """Draw the tool's start pose for an episode."""
