@@ -17,7 +17,12 @@ from dovetail.envs.config import EnvConfig
 from dovetail.envs.contract import read_pose, read_progress, read_reward, require_task
 from dovetail.envs.copying import RebuiltOnCopy
 from dovetail.envs.fixture_velocity import STANDS, FixtureVelocity
-from dovetail.envs.free_start import StartCheck, StartError, require_within
+from dovetail.envs.free_start import (
+    StartCheck,
+    StartError,
+    require_room,
+    require_within,
+)
 from dovetail.envs.history_features import HistoryFeatures
 from dovetail.envs.observation import Layout, sight
 from dovetail.envs.pictures import EpisodePictures
@@ -312,7 +317,7 @@ class ContactEnv(
             try:
                 require_within(start, self._walls, self.cell.starts)
                 q = robot.inverse_kinematics(start, robot.posture(self.task.posture))
-                self._start_check.require_free(q, fixture)
+                self._require_led(q, start, fixture)
                 return q
             except (StartError, ReachError) as error:
                 refused = error
@@ -321,6 +326,22 @@ class ContactEnv(
             f"can be; the last: {refused}; move the fixture, or let it draw from free "
             "air inside the walls"
         ) from refused
+
+    def _require_led(self, q: Vec7, start: Pose, fixture: Pose) -> None:
+        """Refuse a start in something, or from which the tool could not be led.
+
+        Raises:
+            StartError: Says what is in the way, or which joint.
+            ReachError: A tare would lead the tool out of reach.
+        """
+        robot, margin = self.arm.facts.robot, self.arm.facts.limits.delta_q
+        require_room(q, robot, margin)
+        self._start_check.require_free(q, fixture)
+        if self._tare is not None:
+            end = self._tare.far_end(start.position, fixture, self._walls)
+            q = robot.inverse_kinematics(start._replace(position=end), q)
+            require_room(q, robot, margin)
+            self._start_check.require_free(q, fixture)
 
     def _without_weight(self, state: ArmState) -> ArmState:
         """Return a state whose wrench is what it is beyond that of the tare."""

@@ -8,6 +8,7 @@ from dovetail.errors import ConfigError
 from dovetail.plants.mjcf import build_mjcf
 from dovetail.plants.plant import require_configuration
 from dovetail.poses import Pose
+from dovetail.robots.robot import Robot
 from dovetail.types import Vec7
 from dovetail.workcell.workcell import START_MARGIN, Walls, Workcell
 
@@ -116,3 +117,25 @@ def require_within(start: Pose, walls: Walls, starts: Walls | None = None) -> No
                 f"the start has {name} = {at:.4f} m; allowed between the walls: "
                 f"{low + START_MARGIN:g} to {high - START_MARGIN:g} m"
             )
+
+
+def require_room(q: Vec7, robot: Robot, margin: float) -> None:
+    """Refuse a configuration so near to a joint's limit that the limits hold the arm.
+
+    Args:
+        q: Configuration [rad].
+        robot: Its joint limits.
+        margin: Margin of the limits before them [rad].
+
+    Raises:
+        StartError: Names the joint, its angle and what is allowed.
+    """
+    low, high = robot.limits.q_min + margin, robot.limits.q_max - margin
+    excess = np.maximum(low - q, q - high)
+    if excess.max() > 0.0:
+        i = int(excess.argmax())
+        raise StartError(
+            f"at the start, or 7.5 mm from it where a tare leads the tool, joint "
+            f"{i + 1} is at {q[i]:.3f} rad; the limits leave {low[i]:.3f} to "
+            f"{high[i]:.3f} rad"
+        )
