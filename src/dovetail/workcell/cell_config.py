@@ -19,6 +19,7 @@ from dovetail.reading import read_toml
 from dovetail.settings import (
     Range,
     defaults_of,
+    fill_in,
     names_in,
     ranges_of,
     settings,
@@ -141,6 +142,11 @@ class CellConfig(TableConfig, ToolConfig, BoundsConfig):
             )
 
     @property
+    def file(self) -> str:
+        """Path of the file that it was read from, else a name for one."""
+        return str(vars(self).get("_file", "cell.toml"))
+
+    @property
     def has_region(self) -> bool:
         """True if it says where fixtures stand."""
         return self.fixture_low is not None
@@ -185,9 +191,7 @@ class CellConfig(TableConfig, ToolConfig, BoundsConfig):
             tool=self._tool(usual.tool, usual.held),
             walls=walls,
             table=self.top(),
-            starts=None
-            if self.start_low is None
-            else (self.start_low, self._start_high),
+            starts=self._starts(),
         )
 
     def _starts(self) -> Walls | None:
@@ -214,11 +218,9 @@ class CellConfig(TableConfig, ToolConfig, BoundsConfig):
                 value=walls[0][2],
                 unit="m",
             )
-        if self.start_low is None:
+        if (starts := self._starts()) is None:
             return
-        for axis, *at in zip(
-            _XYZ, self.start_low, self._start_high, *walls, strict=True
-        ):
+        for axis, *at in zip(_XYZ, *starts, *walls, strict=True):
             first, last, low, high = at
             if first < low + START_MARGIN - 1e-9 or last > high - START_MARGIN + 1e-9:
                 raise ConfigError(
@@ -270,8 +272,8 @@ class CellConfig(TableConfig, ToolConfig, BoundsConfig):
 
 def _words(value: Any) -> str:
     if isinstance(value, list):
-        return "(" + " ".join(f"{x:g}" for x in value) + ")"
-    return f"{value:g}" if isinstance(value, float) else str(value)
+        return "(" + " ".join(map(str, value)) + ")"
+    return str(value)
 
 
 def load_cell(path: str | Path) -> CellConfig:
@@ -294,7 +296,9 @@ def load_cell(path: str | Path) -> CellConfig:
             f"cannot read the cell file {path}: {error.strerror}"
         ) from error
     try:
-        return cell_of(table)
+        cell = cell_of(table)
+        fill_in(cell, _file=path)
+        return cell
     except ConfigError as error:
         error.args = (f"{path}: {error}",)
         raise
