@@ -188,6 +188,7 @@ class CellConfig(TableConfig, ToolConfig, BoundsConfig):
         return replace(
             usual,
             name=f"{usual.name}, cell: {said}",
+            own=said,
             tool=self._tool(usual.tool, usual.held),
             walls=walls,
             table=self.top(),

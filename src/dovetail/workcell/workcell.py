@@ -63,6 +63,8 @@ class Workcell:
     """Heights of the TCP over the fixture's frame, along its z, where it goes [m]."""
     walls: Walls = WALLS
     """Walls of the TCP."""
+    own: str = ""
+    """What its cell file says, in words; empty without one."""
     table: Part = TABLE
     """The table, in the world's frame."""
     starts: Walls | None = None
