@@ -141,6 +141,9 @@ class Range:
     ) -> CoreSchema:
         """Return the check of a field of this type, for pydantic."""
         parts = get_args(kind)
+        is_union = type(None) in parts
+        own = [part for part in parts if part is not type(None)] if is_union else [kind]
+        is_tuple = all(get_origin(part) is tuple for part in own)
 
         def check(value: Any, info: ValidationInfo) -> Any:
             name = info.field_name or "value"
@@ -150,7 +153,7 @@ class Range:
                 low, high = int(self.low), int(self.high)
                 return in_count(name, value, low, high, self.unit)
             checked = in_range(name, value, self)
-            return tuple(checked.tolist()) if get_origin(kind) is tuple else checked
+            return tuple(checked.tolist()) if is_tuple else checked
 
         return core_schema.with_info_plain_validator_function(check)
 

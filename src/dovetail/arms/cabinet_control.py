@@ -55,9 +55,21 @@ class CabinetControl:
             raise ArmError(text, "refused")
         return answer
 
-    def place(self, q: Vec7, fixture: Pose, seed: int | None = None) -> dict[str, Any]:
-        """Put arm and fixture; the running motion ends and another begins."""
-        more = {} if seed is None else {"seed": int(seed)}
+    def place(
+        self, q: Vec7, fixture: Pose, seed: int | None = None, cell: str | None = None
+    ) -> dict[str, Any]:
+        """Put arm and fixture; the running motion ends and another begins.
+
+        Args:
+            q: Configuration [rad].
+            fixture: Where the fixture is put.
+            seed: Of the noise; None lets it go on.
+            cell: What the cell file here says, in words, see `Workcell.own`; None is
+                not compared.
+        """
+        more: dict[str, Any] = {} if seed is None else {"seed": int(seed)}
+        if cell is not None:
+            more["cell"] = cell
         return self.request(
             "place", q=list(map(float, q)), fixture=_pose(fixture), **more
         )

@@ -182,7 +182,8 @@ class FriAddress(ArmAddress):
             limits = settings.limits
             limits = replace(limits, dx_max=limits.dx_max / np.sqrt(3.0))
             settings = replace(settings, limits=limits)
-        return FriArm(self, cell.loaded_robot(), settings, watchdog=watchdog)
+        robot, own = cell.loaded_robot(), cell.own
+        return FriArm(self, robot, settings, watchdog=watchdog, cell=own)
 
     @property
     def is_real_time(self) -> bool:
@@ -255,6 +256,7 @@ class FriArm:
         processor: int | None = None,
         log_folder: str | Path | None = "fri-logs",
         silence: float | None = None,
+        cell: str | None = None,
     ) -> None:
         """Listen for the cabinet; nothing moves before `reset`.
 
@@ -271,6 +273,8 @@ class FriArm:
             log_folder: Where the last 10 s of motions that end go; None for nowhere.
             silence: Without a datagram for so long the session is over [s]; by default
                 1 s, 5 s in lockstep.
+            cell: What the cell file says, in words, see `Workcell.own`: a simulated
+                cabinet with another one is refused. None is not compared.
 
         Raises:
             ArmError: The port is in use or not permitted.
@@ -278,7 +282,7 @@ class FriArm:
             TorqueError: A torque limit is below what gravity takes.
         """
         check_torque(robot, settings.limits)
-        self._address = address
+        self._address, self._cell = address, cell
         self._is_lockstep = address.clock == "lockstep"
         control = address.control
         self.facts = ArmFacts(
@@ -374,7 +378,7 @@ class FriArm:
             before = self._servo.state()
             if before.session == 4:
                 self._servo.expect_end()
-            placed = self._control.place(q, fixture, self._seed)
+            placed = self._control.place(q, fixture, self._seed, self._cell)
             self._seed = None
             self._wait_for_motion(before.motion)
             # One that began while the request was on its way has ended, unseen as yet.

@@ -119,8 +119,22 @@ class RequestDesk:
         seed = request.get("seed")
         if seed is not None and not (type(seed) is int and 0 <= seed < 2**63):
             raise ConfigError(f"seed is {_short(seed)}; give a whole number >= 0")
+        self._require_cell(request)
         self._controller.place(numbers(request, "q", 7), pose(request, "fixture"), seed)
         return self._where()
+
+    def _require_cell(self, request: dict[str, Any]) -> None:
+        """Refuse a client whose cell file says something else than the cabinet's."""
+        own = self._controller.body.plant.cell.own
+        theirs = request.get("cell", own)
+        if theirs != own:
+            ours = own or "no cell file"
+            raise ConfigError(
+                f"the client's cell is {str(theirs)[:400] or 'no cell file'}; the "
+                f"cabinet's is {ours}: start both with the same --cell FILE",
+                name="cell",
+                value=theirs,
+            )
 
     def _fixture(self, request: dict[str, Any]) -> dict[str, Any]:
         fixture, velocity = pose(request, "fixture"), np.zeros(3)

@@ -21,6 +21,7 @@ from dovetail.robots.find import DEFAULT_ROBOT, find_robot
 from dovetail.tasks.fixture_pose import FixturePose
 from dovetail.tasks.shipped import DEFAULT_ENV
 from dovetail.types import Array, Vec3, Vec7
+from dovetail.workcell.cell_config import CellConfig, cell_of
 from dovetail.workcell.workcell import Workcell
 
 COLUMNS = ("time", "force", "torque", "speed", "reward", "apart")
@@ -91,7 +92,7 @@ class Recorded:
         pulls = _rows(path, episode.metadata, PULL, 4)
         return cls(
             name=f"{path.resolve().parent.name}/{path.stem}",
-            cell=task.workcell(find_robot(robot_name)),
+            cell=task.workcell(find_robot(robot_name), _cell_of(path, facts)),
             time=time,
             q=_stack(columns, *(f"q{i}" for i in range(1, 8))),
             position=_stack(columns, "x", "y", "z"),
@@ -148,6 +149,20 @@ class Recorded:
             curves[:, -1] = np.hypot(curves[:, -1], 1e3 * (own - their))
         curves[curves[:, 0] > other.end, -1] = np.nan
         return curves
+
+
+def _cell_of(path: Path, facts: Mapping[str, Any]) -> CellConfig | None:
+    """Return what the log's cell file said, if there was one.
+
+    Raises:
+        LogError: It is damaged.
+    """
+    if (table := facts.get("cell")) is None:
+        return None
+    try:
+        return cell_of(table)
+    except ConfigError as error:
+        raise LogError(f"the log {path}: its cell: {error}") from error
 
 
 def _latest(changes: Sequence[tuple[float, T]], time: float) -> T:

@@ -33,12 +33,12 @@ from dovetail.errors import ConfigError, PlantError
 from dovetail.plants.find import make_plant
 from dovetail.plants.plant import DrivenPlant
 from dovetail.plants.twin import load_twin, make_twin
-from dovetail.poses import TOOL_DOWN, Pose, quat_about_z
+from dovetail.poses import TOOL_DOWN, Pose
 from dovetail.printable import printable
 from dovetail.robots.find import find_robot
 from dovetail.settings import settings
+from dovetail.tasks.region import usual_fixture
 
-_FIXTURE = Pose(np.array([0.60, 0.0, 0.10]), quat_about_z(0.0))
 _ABOVE = 0.06
 """Height of the start over the fixture [m]."""
 _PLAIN_EVERY = 10.0
@@ -128,23 +128,24 @@ class Cabinet(
             raise ConfigError(
                 "--twin and --plant exclude each other: a twin has its own"
             )
-        cell = find_cell(self.env, self.robot, **self.task_options)
+        cell = find_cell(self.env, self.robot, self.cell, **self.task_options)
+        fixture = usual_fixture(self.cell)
         if self.plant is not None:
             plant = make_plant(self.plant, cell)
         else:
             plant = make_twin(self.twin or "medium", cell)
-        above = _FIXTURE.position + np.array([0.0, 0.0, _ABOVE])
+        above = fixture.position + np.array([0.0, 0.0, _ABOVE])
         robot = plant.robot
         pose = Pose(above, TOOL_DOWN)
         start = robot.inverse_kinematics(pose, robot.posture("rest"))
-        plant.reset(start, _FIXTURE)
+        plant.reset(start, fixture)
         return plant
 
 
 COMMON = (
-    *("twin", "plant", "robot", "env", "task_options", "version", "client", "bind"),
-    *("port", "control", "period", "receive_multiplier", "clock", "realtime", "mode"),
-    *("stiffness", "damping", "fault", "script", "log"),
+    *("twin", "plant", "robot", "env", "task_options", "cell", "version", "client"),
+    *("bind", "port", "control", "period", "receive_multiplier", "clock", "realtime"),
+    *("mode", "stiffness", "damping", "fault", "script", "log"),
 )
 """Settings that `--help` lists."""
 

@@ -9,6 +9,7 @@ from dovetail.options import Period
 from dovetail.robots.find import DEFAULT_ROBOT
 from dovetail.settings import settings
 from dovetail.tasks.shipped import DEFAULT_ENV
+from dovetail.workcell.cell_config import CellFile
 
 
 @settings()
@@ -25,6 +26,9 @@ class CellOptions:
     """Task whose parts stand in the cell: a Gymnasium id, or MODULE:ID of your own."""
     task_options: dict[str, Any] = field(default_factory=dict)
     """Fields of the task; left out, they are its own."""
+    cell: CellFile = None
+    """Cell file: table, tool, walls, and where fixtures stand. Its client needs the
+    same."""
 
 
 @settings()

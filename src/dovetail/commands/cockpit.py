@@ -18,6 +18,7 @@ from dovetail.files import dated_folder, require_writable
 from dovetail.options import Period, Placement
 from dovetail.settings import settings
 from dovetail.tasks.shipped import DEFAULT_POLICY
+from dovetail.workcell.cell_config import CellFile
 
 
 @settings()
@@ -58,6 +59,9 @@ class ShownCellOptions:
     own."""
     period: Period | None = None
     """Control period: 1ms, 2ms, 2.5ms or 5ms; default that of the policy's training."""
+    cell: CellFile = None
+    """Cell file: table, tool, walls, and where fixtures stand; default that of the
+    policy's training."""
     fixture: Placement = None
     """Place of the fixture: x y z [m] of its frame and yaw [rad], world axes; two more
     numbers are its tilts B C [rad], about y and x. Default the task's first trial pose.
@@ -129,7 +133,7 @@ class Cockpit(
         twin = self.twin or DEFAULT_TWIN
         if Path(twin).suffix == ".toml":
             twin = str(Path(twin).expanduser().absolute())
-        names = ("robot", "tracker", "period")
+        names = ("robot", "tracker", "period", "cell")
         given = {name: vars(self)[name] for name in names}
         settings: dict[str, Any] = {k: v for k, v in given.items() if v is not None}
         settings |= self.task_options
@@ -149,7 +153,7 @@ class Cockpit(
 
 COMMON = (
     *("policy", "twin", "arm", "env", "task_options", "robot", "tracker", "period"),
-    *("fixture", "accept_contact", "port", "keep_running", "logs"),
+    *("cell", "fixture", "accept_contact", "port", "keep_running", "logs"),
 )
 """Settings that `--help` lists."""
 

@@ -13,6 +13,7 @@ from dovetail.files import dated_folder
 from dovetail.options import Period
 from dovetail.settings import settings, values_of
 from dovetail.tasks.shipped import DEFAULT_POLICY, TRUSTING_POLICY
+from dovetail.workcell.cell_config import CellFile
 
 SEARCHING_POLICY = "search_square"
 """The shipped policy that learned to search."""
@@ -47,6 +48,9 @@ class DemoPlaceOptions:
     default the policy's."""
     period: Period | None = None
     """Control period: 1ms, 2ms, 2.5ms or 5ms; default that of the policy's training."""
+    cell: CellFile = None
+    """Cell file: table, tool, walls, and where fixtures stand; default that of the
+    policy's training."""
 
 
 @settings()

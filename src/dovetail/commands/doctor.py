@@ -20,6 +20,8 @@ from dovetail.errors import ConfigError
 from dovetail.options import Delay, Period
 from dovetail.printable import printable
 from dovetail.robots.find import DEFAULT_ROBOT
+from dovetail.tasks.region import usual_fixture
+from dovetail.workcell.cell_config import CellFile
 
 _HERE = "it belongs to the checks of an arm: give --arm ADDRESS with it"
 _CAMERA = "it belongs to the checks of an arm, without --tracker"
@@ -41,6 +43,8 @@ class Doctor:
     """Ask nothing before the arm is moved; only a simulated cabinet is pushed."""
     robot: str = DEFAULT_ROBOT
     """Robot model of the arm: one of dovetail's, or MODULE:FUNCTION of your own."""
+    cell: CellFile = None
+    """Cell file of the arm: table, tool and walls."""
     delay: Delay = DECLARED["delay"]
     """Largest delay of the loop that is declared for this arm, with its unit."""
     payload_error: float = DECLARED["payload_error"]
@@ -83,7 +87,7 @@ class Doctor:
         if self.tracker is not None:
             unused = dict.fromkeys(("delay", "payload_error"), _CAMERA)
         elif self.arm is None:
-            names = ("robot", "delay", "payload_error", "period")
+            names = ("robot", "cell", "delay", "payload_error", "period")
             unused = dict.fromkeys(names, _HERE)
         if self.arm is not None and isinstance(parse_address(self.arm), FriAddress):
             unused["period"] = _FRI
@@ -100,15 +104,16 @@ class Doctor:
         declared = self._declared()
         if isinstance(address, FriAddress):
             asks = None if self.yes else ask
-            return run_fri_checks(address, asks, declared, self.robot)
+            return run_fri_checks(address, asks, declared, self.robot, self.cell)
         period = require_period(self.period, "--period")
         if not isinstance(address, LocalAddress):
             raise ConfigError(
                 f"the doctor checks arms behind FRI and simulated ones, not {text!r}; "
                 "run it where the arm is served, with fri://HOST:PORT?KEY=VALUE&..."
             )
-        plant = address.make_plant(find_cell(robot=self.robot))
-        return run_simulated_checks(plant, period, declared)
+        plant = address.make_plant(find_cell(robot=self.robot, cell=self.cell))
+        fixture = usual_fixture(self.cell)
+        return run_simulated_checks(plant, period, declared, fixture)
 
     def _check_camera(self, file: str) -> Iterator[Check]:
         from dovetail.doctor.camera import run_camera_checks
@@ -117,7 +122,7 @@ class Doctor:
         return run_camera_checks(
             load_camera(file),
             None if self.arm is None else parse_address(self.arm),
-            find_cell(robot=self.robot),
+            find_cell(robot=self.robot, cell=self.cell),
             None if self.yes else ask,
             require_period(self.period, "--period"),
         )

@@ -27,7 +27,7 @@ class Evaluate(EvaluationConfig):
 
 COMMON = (
     *("policy", "twin", "arm", "plant", "env", "task_options", "tracker", "fixture"),
-    *("tries", "seed", "fixture_shift", "push", "search"),
+    *("cell", "tries", "seed", "fixture_shift", "push", "search"),
     *("tare", "fall_back", "period", "robot", "accept_contact", "video", "out"),
 )
 """Settings that `--help` lists."""

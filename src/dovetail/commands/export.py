@@ -67,6 +67,6 @@ class Export(PolicyEnvConfig):
 COMMON = (
     *("model", "out", "trust", "env", "task_options", "task", "f_scale"),
     *("force_damping", "theta_range", "position_range", "near_speed", "near_press"),
-    *("period", "max_steps", "also", "recall", "stack", "robot"),
+    *("period", "max_steps", "also", "recall", "stack", "robot", "cell"),
 )
 """Settings that `--help` lists."""

@@ -23,6 +23,7 @@ from dovetail.printable import printable
 from dovetail.robots.find import DEFAULT_ROBOT
 from dovetail.settings import ranges_of, settings
 from dovetail.tasks.shipped import DEFAULT_ENV
+from dovetail.workcell.cell_config import CellFile
 
 if TYPE_CHECKING:
     from dovetail.rpc.offered_arm import OfferedArm
@@ -55,6 +56,9 @@ class OfferedCellOptions:
     """Robot in the cell: one of dovetail's, or MODULE:FUNCTION of your own."""
     task_options: dict[str, Any] = field(default_factory=dict)
     """Fields of the task; left out, they are its own."""
+    cell: CellFile = None
+    """Cell file: table, tool, walls, and where fixtures stand. A learner needs the
+    same."""
 
 
 @settings()
@@ -154,7 +158,7 @@ def _offered(
 ) -> "OfferedArm":
     from dovetail.rpc.offered_arm import OfferedArm
 
-    cell = find_cell(around.env, around.robot, **around.task_options)
+    cell = find_cell(around.env, around.robot, around.cell, **around.task_options)
     if isinstance(address, LocalAddress):
         address.make_plant(cell).close()  # what is wrong is said now, not to a learner
     return OfferedArm(address, cell, declared)

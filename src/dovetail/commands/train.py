@@ -39,7 +39,8 @@ class Train(TrainConfig):
 
 
 COMMON = (
-    *("recipe", "config", "env", "task_options", "robot", "plant", "model", "arm"),
+    *("recipe", "config", "env", "task_options", "robot", "cell", "plant", "model"),
+    "arm",
     *("from_policy", "demos", "steps", "seed", "out", "resume", "period", "tracker"),
     *("max_steps", "near_speed", "near_press", "doubt", "algorithm"),
 )

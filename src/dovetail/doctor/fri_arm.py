@@ -39,6 +39,7 @@ from dovetail.envs.registered import find_cell
 from dovetail.errors import ArmError
 from dovetail.robots.find import DEFAULT_ROBOT
 from dovetail.types import JOINTS, Array, Vec3, Vec7
+from dovetail.workcell.cell_config import CellConfig
 from dovetail.workcell.workcell import Workcell
 
 DRIFT_MAX = 0.005
@@ -88,6 +89,7 @@ def run_fri_checks(
     ask: Ask | None,
     declared: dict[str, Any] | None = None,
     robot: str = DEFAULT_ROBOT,
+    facts: CellConfig | None = None,
 ) -> Iterator[Check]:
     """Yield every check of an arm behind a cabinet as soon as it is done.
 
@@ -97,6 +99,7 @@ def run_fri_checks(
             and only a simulated cabinet is pushed.
         declared: Largest declared errors of model and loop; None is `proven.DECLARED`.
         robot: Robot model of the arm, see `robots.find`.
+        facts: Of its cell file.
 
     Raises:
         DovetailError: The arm cannot be had.
@@ -108,7 +111,7 @@ def run_fri_checks(
     ):
         return
     period, declared = address.period or DEFAULT_PERIOD, declared or DECLARED
-    cell = find_cell(robot=robot)
+    cell = find_cell(robot=robot, cell=facts)
     config = EnvConfig(period=period, force_damping=0.0, **declared)
     osc, limits = make_settings(cell, config, is_hardware=address.margins == "hardware")
     arm = _build(address, cell, *excitation_gains(osc, limits), period)

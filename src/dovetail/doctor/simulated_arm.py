@@ -23,11 +23,12 @@ from dovetail.plants.plant import Plant
 from dovetail.poses import Pose, quat_about_z, tool_down
 
 FIXTURE = Pose(np.array([0.60, 0.0, 0.10]), quat_about_z(0.0))
-START = Pose(np.array([0.60, 0.0, 0.20]), tool_down(0.0))
+ABOVE = 0.10
+"""Height of the tool over the fixture [m]."""
 
 
 def run_simulated_checks(
-    plant: Plant, period: float, declared: dict[str, Any]
+    plant: Plant, period: float, declared: dict[str, Any], fixture: Pose = FIXTURE
 ) -> Iterator[Check]:
     """Yield every check of a simulated arm, over the table, as soon as it is done.
 
@@ -35,6 +36,7 @@ def run_simulated_checks(
         plant: The simulation; closed in the end.
         period: Control period [s].
         declared: Largest declared errors of model and loop.
+        fixture: Where the fixture stands; the tool is held above it.
 
     Raises:
         PlantError: The simulation diverged.
@@ -44,16 +46,17 @@ def run_simulated_checks(
     config = EnvConfig(period=period, force_damping=0.0, **declared)
     osc, limits = make_settings(cell, config)
     robot = cell.loaded_robot()
-    q = robot.inverse_kinematics(START, robot.posture("rest"))
+    above = Pose(fixture.position + np.array([0.0, 0.0, ABOVE]), tool_down(0.0))
+    q = robot.inverse_kinematics(above, robot.posture("rest"))
     arm = LocalArm(plant, robot, osc, limits, task, period)
     held = LocalArm(plant, robot, *excitation_gains(osc, limits), task, period)
     try:
-        held.reset(q, FIXTURE)
+        held.reset(q, fixture)
         hold = _core.Target(joint_mode=True, q_d=q)
         yield check_standstill(measure_standstill(watch(held, hold), period))
         step = simulated_step(period)
         yield from check_dynamics(held, q, declared, integration_step=step)
-        arm.reset(q, FIXTURE)
+        arm.reset(q, fixture)
         yield check_as_configured(arm)
     finally:
         arm.close()

@@ -3,6 +3,8 @@
 import warnings
 from dataclasses import replace
 
+import numpy as np
+
 from dovetail.arms.address import parse_address
 from dovetail.arms.arm import Arm, ArmFacts
 from dovetail.arms.arm_address import ArmAddress
@@ -53,6 +55,7 @@ def build_arm(
         address = arm
     else:
         require_period(arm.facts.period, "the arm's control period")
+        _require_cell_as_built(arm.facts, cell)
         _require_as_built(arm.facts, config)
         return arm
     if arm is not None and config.twin is not None:
@@ -99,6 +102,36 @@ def _require_as_built(facts: ArmFacts, config: EnvConfig) -> None:
                 f"{name} is {value}, but the arm is built already"
                 f"{'' if built[name] is None else f', with {built[name]}'}: give "
                 f"{name} where the arm is built, or the arm's address in its place"
+            )
+
+
+def _require_cell_as_built(facts: ArmFacts, cell: Workcell) -> None:
+    """Refuse a cell file beside an arm that was built for another cell.
+
+    Raises:
+        ConfigError: Names what differs, and both.
+    """
+    if not cell.own:
+        return
+    wanted, found = cell.loaded_robot().geometry, facts.robot.geometry
+    pairs = {
+        "tool [m]": (wanted.tool_position, found.tool_position),
+        "last link with tool [kg]": (
+            cell.loaded_robot().links.mass[6],
+            facts.robot.links.mass[6],
+        ),
+    }
+    if facts.limits.walls:
+        pairs["walls_low [m]"] = cell.walls[0], facts.limits.x_min
+        pairs["walls_high [m]"] = cell.walls[1], facts.limits.x_max
+    for name, (ours, theirs) in pairs.items():
+        if not np.allclose(ours, theirs, rtol=0.0, atol=1e-9):
+            raise ConfigError(
+                f"the arm was built for another cell: its {name} is "
+                f"{np.round(theirs, 4).tolist()}, the cell file's "
+                f"{np.round(ours, 4).tolist()}; build the arm with the same cell, or "
+                "give its address in its place",
+                name="cell",
             )
 
 

@@ -18,6 +18,7 @@ from dovetail.robots.find import DEFAULT_ROBOT
 from dovetail.settings import Range, fill_in, settings
 from dovetail.tasks.shipped import EPISODE_STEPS
 from dovetail.trackers.find import DEFAULT_TRACKER
+from dovetail.workcell.cell_config import CellFile
 
 F_SCALE = 4.0
 """f* at action 1 on X Y Z [m/s2]."""
@@ -143,6 +144,15 @@ class PlantConfig:
 
 
 @settings()
+class CellSetting:
+    """The cell."""
+
+    cell: CellFile = None
+    """Cell file: table, tool, walls, and where fixtures stand. What it leaves out is
+    the task's own (docs/your-own-cell.md)."""
+
+
+@settings()
 class EpisodeConfig:
     """Length of an episode, and the tare before it."""
 
@@ -174,6 +184,7 @@ class EnvOptions(
     DeclaredErrors,
     ObservationConfig,
     PlantConfig,
+    CellSetting,
     EpisodeConfig,
     GraspConfig,
 ):

@@ -17,7 +17,12 @@ from dovetail.envs.config import EnvConfig
 from dovetail.envs.contract import read_pose, read_progress, read_reward, require_task
 from dovetail.envs.copying import RebuiltOnCopy
 from dovetail.envs.fixture_velocity import STANDS, FixtureVelocity
-from dovetail.envs.free_start import StartCheck, StartError, require_within
+from dovetail.envs.free_start import (
+    StartCheck,
+    StartError,
+    require_room,
+    require_within,
+)
 from dovetail.envs.history_features import HistoryFeatures
 from dovetail.envs.observation import Layout, sight
 from dovetail.envs.pictures import EpisodePictures
@@ -26,6 +31,7 @@ from dovetail.envs.stacking import History
 from dovetail.envs.tare import ToolTare, can_tare
 from dovetail.envs.violations import BAD_INPUT, ViolationCounter, count_bad_input
 from dovetail.envs.workspace import (
+    margin_of,
     require_axes,
     require_columns,
     require_inside,
@@ -36,6 +42,7 @@ from dovetail.errors import ConfigError, DovetailError, ReachError
 from dovetail.poses import UNMOVED, Pose, compose
 from dovetail.robots.find import find_robot
 from dovetail.tasks.grasp import Grasp
+from dovetail.tasks.region import Region, require_region
 from dovetail.tasks.task import Progress, Task
 from dovetail.trackers.find import TrackerContext, find_tracker
 from dovetail.trackers.tracker import Tracker, close_tracker
@@ -45,6 +52,8 @@ _STREAM = 0x72AC6
 """Keeps the trackers' seeds apart from the draws of start and fixture."""
 _DRAWS = 100
 """Most draws of a start until one is in free air."""
+_FIXTURES = 10
+"""Most draws of a fixture in a cell's region, until there is a start for it."""
 
 
 class ContactEnv(
@@ -151,7 +160,8 @@ class ContactEnv(
     ) -> None:
         self.task, self.config = task, config or EnvConfig()
         action = self.config
-        self.cell = task.workcell(find_robot(self.config.robot))
+        self.cell = task.workcell(find_robot(action.robot), action.cell)
+        self._region = Region.of(action.cell)
         self.render_mode = render_mode
         self._pictures = EpisodePictures(self.cell, render_mode, self.metadata)
         self.axes = TaskSpec.parse(task.axes)
@@ -189,6 +199,9 @@ class ContactEnv(
         """Take from the arm and the task what each step needs."""
         require_axes(self.arm, self.axes)
         require_task(self.task, self.arm.facts.robot)
+        if (cell := self.config.cell) is not None:
+            margin = margin_of(self.task, self.arm)
+            require_region(self.task, cell, self.cell, margin)
         require_columns(self.arm, self.task.columns)
         self.max_steps = self.config.max_steps
         facts, seen, own = self.arm.facts, self.config, self.task.columns
@@ -242,14 +255,7 @@ class ContactEnv(
             raise ConfigError(
                 f"unknown reset options: {unknown}; known: fixture, start"
             )
-        told = self.task.draw_fixture(self.np_random)
-        fixture = read_pose(self.task, "draw_fixture", told)
-        if options.get("fixture") is not None:
-            fixture = Pose(*(np.asarray(p, dtype=float) for p in options["fixture"]))
-        else:
-            require_placed(self.task, self.cell, self.arm)
-        require_inside(self.task, self.cell, self.arm, fixture)
-        q = self._find_start(fixture, options.get("start"))
+        fixture, q = self._place(options.get("fixture"), options.get("start"))
         self._draw_grasp()
         self.fixture = fixture
         self.slide_fixture(np.zeros(3))
@@ -257,7 +263,7 @@ class ContactEnv(
             self._seeds = np.random.default_rng([_STREAM, seed])
             self.arm.seed(seed)
         self.tracker.reset(fixture, int(self._seeds.integers(1 << 31)))
-        look_from_above(self.tracker, self.arm, self.task, fixture)
+        look_from_above(self.tracker, self.arm, self.task, fixture, self._walls)
         self._velocity.reset()
         self.state = self.arm.reset(q, fixture)
         self.steps = 0
@@ -279,6 +285,35 @@ class ContactEnv(
             require_simulated(self.arm).grasp(grasp)
             self.grasp = grasp
 
+    def _place(self, given: Any, start: Any) -> tuple[Pose, Vec7]:
+        """Return the fixture's pose and a start [rad], drawn where not given.
+
+        A fixture that is drawn in a cell file's region, and before which no start can
+        be, is drawn again.
+        """
+        for left in reversed(range(1 if self._region is None else _FIXTURES)):
+            fixture = self._draw_fixture()
+            if given is not None:
+                fixture = Pose(*(np.asarray(p, dtype=float) for p in given))
+            else:
+                is_fixed = None if self._region is None else self._region.is_one_place
+                require_placed(self.task, self.cell, self.arm, is_fixed=is_fixed)
+            require_inside(self.task, self.cell, self.arm, fixture)
+            try:
+                return fixture, self._find_start(fixture, start)
+            except StartError:
+                if given is not None or start is not None or not left:
+                    raise
+        raise AssertionError("the last try returns or raises")
+
+    def _draw_fixture(self) -> Pose:
+        """Draw the fixture's pose, in the cell file's region if there is one."""
+        if self._region is None:
+            told, method = self.task.draw_fixture(self.np_random), "draw_fixture"
+        else:
+            told, method = self.task.draw_in(self.np_random, self._region), "draw_in"
+        return read_pose(self.task, method, told)
+
     def _find_start(self, fixture: Pose, given: Any) -> Vec7:
         """Return the configuration [rad] to start in, in free air.
 
@@ -298,9 +333,9 @@ class ContactEnv(
             told = self.task.draw_start(self.np_random, fixture)
             start = read_pose(self.task, "draw_start", told)
             try:
-                require_within(start, self._walls)
+                require_within(start, self._walls, self.cell.starts)
                 q = robot.inverse_kinematics(start, robot.posture(self.task.posture))
-                self._start_check.require_free(q, fixture)
+                self._require_led(q, start, fixture)
                 return q
             except (StartError, ReachError) as error:
                 refused = error
@@ -309,6 +344,22 @@ class ContactEnv(
             f"can be; the last: {refused}; move the fixture, or let it draw from free "
             "air inside the walls"
         ) from refused
+
+    def _require_led(self, q: Vec7, start: Pose, fixture: Pose) -> None:
+        """Refuse a start in something, or from which the tool could not be led.
+
+        Raises:
+            StartError: Says what is in the way, or which joint.
+            ReachError: A tare would lead the tool out of reach.
+        """
+        robot, margin = self.arm.facts.robot, self.arm.facts.limits.delta_q
+        require_room(q, robot, margin)
+        self._start_check.require_free(q, fixture)
+        if self._tare is not None:
+            end = self._tare.far_end(start.position, fixture, self._walls)
+            q = robot.inverse_kinematics(start._replace(position=end), q)
+            require_room(q, robot, margin)
+            self._start_check.require_free(q, fixture)
 
     def _without_weight(self, state: ArmState) -> ArmState:
         """Return a state whose wrench is what it is beyond that of the tare."""

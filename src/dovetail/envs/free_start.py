@@ -1,6 +1,5 @@
 """Check that a start is in free air: depth of the tool in the things around it."""
 
-from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -9,15 +8,12 @@ from dovetail.errors import ConfigError
 from dovetail.plants.mjcf import build_mjcf
 from dovetail.plants.plant import require_configuration
 from dovetail.poses import Pose
+from dovetail.robots.robot import Robot
 from dovetail.types import Vec7
-from dovetail.workcell.workcell import Workcell
+from dovetail.workcell.workcell import START_MARGIN, Walls, Workcell
 
 OVERLAP_MAX = 0.0002
 """Depth up to which a start counts as free air [m]: what touches is not in the way."""
-
-WALL_MARGIN = 0.02
-"""Distance of a drawn start from the walls [m]: a tare leads the tool 7.5 mm, and the
-limits slow it down before a wall. The shipped tasks' usual starts keep 21 mm."""
 
 
 class Overlap(NamedTuple):
@@ -97,19 +93,49 @@ class StartCheck:
             raise OverlapError(found, "give another start, higher above the fixture")
 
 
-def require_within(start: Pose, walls: tuple[Sequence[float], Sequence[float]]) -> None:
+def require_within(start: Pose, walls: Walls, starts: Walls | None = None) -> None:
     """Refuse a start so near to a wall that the tool could not be led from it.
 
     Args:
         start: The tool's pose.
         walls: Lowest and highest position of the tool [m].
+        starts: Box in which the tool starts [m]; None is all that the walls allow.
 
     Raises:
         StartError: Names the axis, the position and what is allowed.
     """
+    if starts is not None:
+        for name, at, low, high in zip("xyz", start.position, *starts, strict=True):
+            if not low <= at <= high:
+                raise StartError(
+                    f"the start has {name} = {at:.4f} m; the cell's start_low and "
+                    f"start_high allow {low:g} to {high:g} m"
+                )
     for name, at, low, high in zip("xyz", start.position, *walls, strict=True):
-        if not low + WALL_MARGIN <= at <= high - WALL_MARGIN:
+        if not low + START_MARGIN <= at <= high - START_MARGIN:
             raise StartError(
                 f"the start has {name} = {at:.4f} m; allowed between the walls: "
-                f"{low + WALL_MARGIN:g} to {high - WALL_MARGIN:g} m"
+                f"{low + START_MARGIN:g} to {high - START_MARGIN:g} m"
             )
+
+
+def require_room(q: Vec7, robot: Robot, margin: float) -> None:
+    """Refuse a configuration so near to a joint's limit that the limits hold the arm.
+
+    Args:
+        q: Configuration [rad].
+        robot: Its joint limits.
+        margin: Margin of the limits before them [rad].
+
+    Raises:
+        StartError: Names the joint, its angle and what is allowed.
+    """
+    low, high = robot.limits.q_min + margin, robot.limits.q_max - margin
+    excess = np.maximum(low - q, q - high)
+    if excess.max() > 0.0:
+        i = int(excess.argmax())
+        raise StartError(
+            f"at the start, or 7.5 mm from it where a tare leads the tool, joint "
+            f"{i + 1} is at {q[i]:.3f} rad; the limits leave {low[i]:.3f} to "
+            f"{high[i]:.3f} rad"
+        )

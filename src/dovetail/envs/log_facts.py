@@ -22,9 +22,10 @@ SUCCESS = "success"
 def describe_cell(env: gymnasium.Env) -> dict[str, Any]:
     """Return the facts that a log keeps of its environment.
 
-    Under `CELL` its name, robot and plain task settings; under `ACTION` the axes, the
-    value at action 1 [m/s2, rad/s2, m, rad], the damping of force axes [1/s], the
-    reward's weight of force [1/N] and the script that an action corrects.
+    Under `CELL` its name, robot, plain task settings and what its cell file says; under
+    `ACTION` the axes, the value at action 1 [m/s2, rad/s2, m, rad], the damping of
+    force axes [1/s], the reward's weight of force [1/N] and the script that an action
+    corrects.
     """
     core = require_contact_env(env)
     task = {f.name: vars(core.task)[f.name] for f in fields(core.task)}
@@ -38,7 +39,10 @@ def describe_cell(env: gymnasium.Env) -> dict[str, Any]:
         "script": core.config.script or "none",
     }
     robot = core.config.robot
-    return {CELL: {"env_id": name, "robot": robot, "task": plain}, ACTION: action}
+    facts = {"env_id": name, "robot": robot, "task": plain}
+    if core.config.cell is not None:
+        facts["cell"] = core.config.cell.table()
+    return {CELL: facts, ACTION: action}
 
 
 def observed_columns(env: gymnasium.Env) -> tuple[str, ...]:

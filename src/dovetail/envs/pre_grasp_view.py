@@ -10,6 +10,7 @@ from dovetail.poses import Pose
 from dovetail.tasks.task import Task
 from dovetail.trackers.tracker import Tracker, is_on_arm
 from dovetail.types import Vec7
+from dovetail.workcell.workcell import Walls
 
 LOOKOUT = 0.18
 """Height of the tool over the fixture from which is looked [m]; less where the arm's
@@ -20,7 +21,9 @@ _PATIENCE = 3.0
 """Longest wait for such a picture [s]."""
 
 
-def look_from_above(tracker: Tracker, arm: Arm, task: Task, fixture: Pose) -> None:
+def look_from_above(
+    tracker: Tracker, arm: Arm, task: Task, fixture: Pose, walls: Walls
+) -> None:
     """Go to above the fixture and look, where the tracker's camera is on the arm.
 
     From the start the tool may hide the board, or the camera be too near. A real arm
@@ -31,6 +34,7 @@ def look_from_above(tracker: Tracker, arm: Arm, task: Task, fixture: Pose) -> No
         arm: It goes to above the fixture, and is reset to its start afterwards.
         task: Which way the tool is turned.
         fixture: Where it is said to be, to some centimetres.
+        walls: Lower and upper walls of the TCP [m].
 
     Raises:
         TrackerError: There are no pictures; the arm is stopped.
@@ -38,7 +42,7 @@ def look_from_above(tracker: Tracker, arm: Arm, task: Task, fixture: Pose) -> No
     """
     if not is_on_arm(tracker):
         return
-    q = pre_grasp_view(arm, task, fixture)
+    q = pre_grasp_view(arm, task, fixture, walls)
     arm.reset(q, fixture)
     target = _core.Target(joint_mode=True, q_d=q)
     try:
@@ -53,10 +57,10 @@ def look_from_above(tracker: Tracker, arm: Arm, task: Task, fixture: Pose) -> No
         raise
 
 
-def pre_grasp_view(arm: Arm, task: Task, fixture: Pose) -> Vec7:
+def pre_grasp_view(arm: Arm, task: Task, fixture: Pose, walls: Walls) -> Vec7:
     """Return the configuration [rad] from which is looked."""
     facts, goal = arm.facts, task.goal(fixture)
-    low, high = (np.array(wall) for wall in task.walls)
+    low, high = (np.array(wall) for wall in walls)
     margin = 2.0 * facts.limits.delta_x
     above = fixture.position + LOOKOUT * goal.normal
     position = np.clip(above, low + margin, high - margin)

@@ -28,6 +28,7 @@ from dovetail.settings import names_in
 from dovetail.tasks.shipped import DEFAULT_ENV, EPISODE_STEPS
 from dovetail.tasks.task import Task
 from dovetail.trackers.tracker import Tracker
+from dovetail.workcell.cell_config import CellConfig
 from dovetail.workcell.workcell import Workcell
 
 _MAKE = "dovetail.envs.registered:make_untimed"
@@ -246,19 +247,23 @@ def task_class(env_id: str) -> type[Task]:
 
 
 def find_cell(
-    env_id: str = DEFAULT_ENV, robot: str = DEFAULT_ROBOT, **settings: Any
+    env_id: str = DEFAULT_ENV,
+    robot: str = DEFAULT_ROBOT,
+    cell: CellConfig | None = None,
+    **settings: Any,
 ) -> Workcell:
     """Return the workcell of a task.
 
     Args:
         env_id: Its name.
         robot: The robot in it, see `robots.find`.
+        cell: Facts of a cell file, in the place of the task's own.
         **settings: Fields of the task; None is its own.
 
     Raises:
         ConfigError: An unknown name or setting, or a value out of range.
     """
-    return make_task(env_id, settings).workcell(find_robot(robot))
+    return make_task(env_id, settings).workcell(find_robot(robot), cell)
 
 
 def make_task(env_id: str, settings: Mapping[str, Any]) -> Task:

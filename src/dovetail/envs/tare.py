@@ -199,6 +199,31 @@ class ToolTare:
         is_held = np.isin(commands.task.modes, (POSE, HOLD))
         self._stiffness: Vec6 = np.where(is_held, arm.facts.osc.stiffness, 0.0)
 
+    def far_end(self, start: Vec3, fixture: Pose, walls: Walls) -> Vec3:
+        """Return the point [m] to which the tool is led, and back.
+
+        Args:
+            start: Where the tool is [m].
+            fixture: Where not to go.
+            walls: Lower and upper walls of the TCP [m].
+        """
+        is_led = np.isin(np.arange(3), self._axes)
+        way = TRAVEL * self._direction(start, fixture, walls)
+        return start + np.where(is_led, way, 0.0)
+
+    def _direction(self, start: Vec3, fixture: Pose, walls: Walls) -> Vec3:
+        """Return where to go first along x y z: away from fixture and walls.
+
+        The limits hold the tool their margin before a wall. There a way would be cut,
+        and friction would not cancel.
+        """
+        margin = self._arm.facts.limits.delta_x
+        direction = np.where(start >= fixture.position, 1.0, -1.0)
+        direction[2] = 1.0
+        end = start + 2.0 * TRAVEL * direction
+        low, high = np.array(walls[0]) + margin, np.array(walls[1]) - margin
+        return np.where((end < low) | (end > high), -direction, direction)
+
     def take(
         self, state: ArmState, fixture: Pose, near_plane: Array, walls: Walls
     ) -> Tare:
@@ -208,8 +233,8 @@ class ToolTare:
             state: What the arm said last; nothing touches the tool.
             fixture: Where not to go.
             near_plane: The plane near contact, as in a Target, shape (4,).
-            walls: Lower and upper walls of the TCP [m]: where one is near, the other
-                way is taken.
+            walls: Lower and upper walls of the TCP [m]: where the limits' margin before
+                one is near, the other way is taken.
 
         Returns:
             What was measured, and the arm afterwards, back where it was.
@@ -217,11 +242,7 @@ class ToolTare:
         Raises:
             ArmError: Something is in the way.
         """
-        start = state.tool.position
-        direction = np.where(start >= fixture.position, 1.0, -1.0)
-        direction[2] = 1.0
-        end = start + 2.0 * TRAVEL * direction
-        direction = np.where((end < walls[0]) | (end > walls[1]), -direction, direction)
+        direction = self._direction(state.tool.position, fixture, walls)
         tare = measure_tare(
             self._arm, state, self._axes, self._stiffness, direction, near_plane
         )

@@ -41,7 +41,7 @@ def require_inside(task: Task, cell: Workcell, arm: Arm, fixture: Pose) -> None:
     """
     cell.require_reachable(fixture)
     low, high = cell.walls
-    margin = max(0.005, arm.facts.limits.delta_x - task.slack())
+    margin = margin_of(task, arm)
     for place, point in task.places(fixture).items():
         for i, name in enumerate("xyz"):
             excess = max(low[i] - point[i], point[i] - high[i]) + margin
@@ -85,6 +85,11 @@ def _require_turnable(task: Task, cell: Workcell, arm: Arm, fixture: Pose) -> No
             f"{1e3 * error.position_error:.1f} mm and {error.rotation_error:.3f} rad "
             f"from its goal; turn the {name} less, or move it"
         ) from error
+
+
+def margin_of(task: Task, arm: Arm) -> float:
+    """Return the least distance of a task's places from the walls [m]."""
+    return max(0.005, arm.facts.limits.delta_x - task.slack())
 
 
 def require_plausible(
@@ -136,13 +141,22 @@ def require_plausible(
             )
 
 
-def require_placed(task: Task, cell: Workcell, arm: Arm) -> None:
+def require_placed(
+    task: Task, cell: Workcell, arm: Arm, *, is_fixed: bool | None = None
+) -> None:
     """Refuse to draw a fixture's pose where nothing can put it there.
+
+    Args:
+        task: What is done.
+        cell: Its fixture.
+        arm: The arm.
+        is_fixed: Whether every fixture that is drawn is the same; None asks the task.
 
     Raises:
         ConfigError: The arm cannot move the fixture.
     """
-    if not (arm.facts.traits.places_fixture or task.has_fixed_fixture()):
+    is_fixed = task.has_fixed_fixture() if is_fixed is None else is_fixed
+    if not (arm.facts.traits.places_fixture or is_fixed):
         raise ConfigError(
             f"the arm cannot move the {cell.fixture.name}: say where it is, with "
             "--fixed-goal --fixture X Y Z YAW [m, rad] or "

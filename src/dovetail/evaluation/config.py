@@ -13,13 +13,18 @@ from dovetail.envs.config import GRASP_ERROR, GRASP_TURN
 from dovetail.envs.registered import make_task
 from dovetail.errors import ConfigError
 from dovetail.evaluation.perturbation import Perturbation
-from dovetail.learn.policy_env import known_env_id, policy_settings
+from dovetail.learn.policy_env import (
+    known_env_id,
+    policy_settings,
+    require_own_cell,
+)
 from dovetail.options import Period, Placement
 from dovetail.plants.plant import PLANTS
 from dovetail.plants.twin import list_twins, load_twin
 from dovetail.search.script import SCRIPT_SETTINGS
 from dovetail.settings import names_in, settings
 from dovetail.tasks.fixture_pose import FixturePose
+from dovetail.workcell.cell_config import CellConfig, CellFile
 
 
 @settings()
@@ -35,6 +40,9 @@ class TriedTaskConfig:
     """Place of the fixture: x y z [m] of its frame and yaw [rad], world axes; two more
     numbers are its tilts B C [rad], about y and x. Default three poses, which an arm
     must be able to put the fixture at."""
+    cell: CellFile = None
+    """Cell file: table, tool, walls, and where fixtures stand. Left out, the cell is
+    that of the policy's training; an empty file is the task's own."""
     max_steps: int | None = None
     """Policy steps of 50 ms in a try; default the policy's. With a search 400."""
     fall_back: float | None = None
@@ -131,7 +139,8 @@ def environment_options(
         )
     options = policy_settings(policy, config.env) | config.task_options
     options |= _trained_robot(config, policy) | config.declared_errors()
-    for name in (*places, "robot", "tracker"):
+    require_own_cell(options, config.arm, is_given=config.cell is not None)
+    for name in (*places, "robot", "tracker", "cell"):
         if (value := vars(config)[name]) is not None:
             options[name] = value
     if config.plant is None:
@@ -218,12 +227,31 @@ def require_place(config: EvaluationConfig, *, can_place: bool) -> None:
         )
 
 
+def cell_in(config: EvaluationConfig, policy: Mapping[str, Any]) -> CellConfig | None:
+    """Return the cell of the tries: the given one, or that of the policy's training."""
+    if config.cell is not None:
+        return config.cell
+    return policy_settings(policy, config.env).get("cell")
+
+
+def other_cell(config: EvaluationConfig, policy: Mapping[str, Any]) -> str:
+    """Say that the policy was trained in another cell; empty where not."""
+    trained = policy_settings(policy, config.env).get("cell") or CellConfig()
+    if config.cell is None or config.cell == trained:
+        return ""
+    return (
+        f"the cell of the tries has {config.cell.describe() or 'nothing of its own'}, "
+        f"that of the policy's training {trained.describe() or 'nothing of its own'}"
+    )
+
+
 def fixture_poses(
     config: EvaluationConfig, policy: Mapping[str, Any]
 ) -> tuple[FixturePose, ...]:
     """Return where the fixture is for the tries: the policy's own poses, or given."""
     options = policy_settings(policy, config.env) | config.task_options
-    poses = make_task(known_env_id(policy, config.env), options).trial_poses
+    task = make_task(known_env_id(policy, config.env), options)
+    poses = task.trial_poses_in(cell_in(config, policy))
     if config.fixture is None:
         return poses
     return (FixturePose.given(config.fixture, poses[0].facing),)

@@ -20,6 +20,7 @@ from dovetail.evaluation.config import (
     EvaluationConfig,
     environment_options,
     fixture_poses,
+    other_cell,
     require_place,
 )
 from dovetail.evaluation.figures import draw_forces, draw_paths
@@ -154,6 +155,7 @@ def _notes(
 ) -> str:
     """Return what a reader of the numbers must know; empty for nothing."""
     notes = (said, other_period(period, policy), shared_engine(config, policy))
+    notes = (*notes, other_cell(config, policy))
     films = (o.files.film_error for o in outcomes)
     file = (*robot.notes, *robot.motors.notes)
     lack = lacking_inertia(config, robot)

@@ -19,6 +19,7 @@ from dovetail.plants.twin import load_twin
 from dovetail.robots.robot import Robot
 from dovetail.settings import values_of
 from dovetail.tasks.fixture_pose import FixturePose
+from dovetail.workcell.cell_config import CellConfig
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -131,6 +132,9 @@ def describe_settings(
     settings = values_of(config)
     settings |= settings.pop("task_options")
     settings["environment"] = dict(options)
+    for table in (settings, settings["environment"]):
+        if isinstance(cell := table.get("cell"), CellConfig):
+            table["cell"] = cell.table()
     is_tilted = any(pose.b or pose.c for pose in poses)
     tilt = ", B C [rad]" if is_tilted else ""
     settings[f"fixture poses (x y z [m], theta [rad]{tilt})"] = {
@@ -157,6 +161,8 @@ def command_line(config: EvaluationConfig) -> str:
         if name in _ALWAYS or (name not in _ASIDE and value != usual[name])
     }
     words = ["dovetail", "evaluate", config.policy]
+    if config.cell is not None:
+        given["cell"] = config.cell.file
     for name, value in (given | config.task_options).items():
         words += option_words(name, value)
     return shlex.join(words)

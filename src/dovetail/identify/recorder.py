@@ -48,6 +48,7 @@ from dovetail.tasks.options import option_types, require_apart
 from dovetail.tasks.shipped import DEFAULT_ENV
 from dovetail.tasks.task import Task
 from dovetail.types import Array, Vec7
+from dovetail.workcell.cell_config import CellFile
 
 CONTACT_FORCE = 0.1
 """Contact force from which the held part counts as in contact [N]."""
@@ -65,6 +66,8 @@ class RecordedArmConfig:
     """Control period: 1ms, 2ms, 2.5ms or 5ms; an address may give its own."""
     robot: str = USUAL.robot
     """Robot in the cell: one of dovetail's, or MODULE:FUNCTION of your own."""
+    cell: CellFile = None
+    """Cell file of the arm: table, tool, walls, and where fixtures stand."""
 
 
 @settings()
@@ -132,6 +135,7 @@ def record(
     place = _place(task, config)
     settings = EnvConfig(
         robot=config.robot,
+        cell=config.cell,
         period=address.control_period(asked, DEFAULT_PERIOD),
         max_steps=config.steps + 1,
         f_scale=config.f_scale,
@@ -140,7 +144,7 @@ def record(
         tare=False,  # a motion without it is what a replay repeats
         **config.declared_errors(),
     )
-    cell = task.workcell(find_robot(config.robot))
+    cell = task.workcell(find_robot(config.robot), config.cell)
     box = start_box(cell, place.pose(), may_touch=config.allow_contact)
     env = ContactEnv(task, config.arm, settings)
     with closing(env):
@@ -160,7 +164,7 @@ def record(
 
 def _place(task: Task, config: RecordConfig) -> FixturePose:
     """Return where the fixture is, or is put."""
-    usual = usual_place(task)
+    usual = usual_place(task, config.cell)
     if config.fixture is None:
         return usual
     return FixturePose.given(config.fixture, usual.facing)
@@ -218,6 +222,8 @@ def _describe(
         },
         "q_start": [np.asarray(q).tolist() for q in starts],
     }
+    if config.cell is not None:
+        about["cell"] = config.cell.table()
     task = type(env.task)
     require_apart(task, about, "words of recording.json")
     return about | {name: vars(env.task)[name] for name in option_types(task)}

@@ -41,6 +41,7 @@ from dovetail.tasks.fixture_pose import FixturePose
 from dovetail.tasks.options import option_types
 from dovetail.tasks.task import Task
 from dovetail.types import Array, Vec7
+from dovetail.workcell.cell_config import CellConfig, cell_of
 from dovetail.workcell.workcell import Workcell
 
 FORMAT = 2
@@ -259,12 +260,20 @@ def _task(metadata: dict[str, Any]) -> Task:
 def _cell(metadata: dict[str, Any]) -> Workcell:
     given = require_trusted("recording", "arm_model", metadata["arm_model"])
     robot = find_robot(given)
-    return _task(metadata).workcell(robot)
+    return _task(metadata).workcell(robot, _cell_file(metadata))
 
 
-def usual_place(task: Task) -> FixturePose:
+def _cell_file(metadata: dict[str, Any]) -> CellConfig | None:
+    """Return what the recording's cell file said, if there was one."""
+    try:
+        return None if (table := metadata.get("cell")) is None else cell_of(table)
+    except ConfigError as error:
+        raise LogError(f"{DESCRIPTION} is damaged: {error}") from error
+
+
+def usual_place(task: Task, cell: CellConfig | None = None) -> FixturePose:
     """Return where a task's fixture is while an arm is identified."""
-    return task.recording_pose or task.trial_poses[0]
+    return task.placed_in(cell, task.recording_pose or task.trial_poses[0])
 
 
 def _fixture(metadata: dict[str, Any]) -> Pose:

@@ -243,7 +243,7 @@ class TrainConfig(
         """Fixed place of the fixture; None where each episode draws it."""
         if not self.fixed_goal:
             return None
-        usual = self.made_task().trial_poses[0]
+        usual = self.made_task().trial_poses_in(self.cell)[0]
         return FixturePose.given(self.fixture or usual.numbers, usual.facing)
 
     def for_seed(self, seed: int) -> Self:
@@ -253,7 +253,8 @@ class TrainConfig(
     def to_json(self) -> dict[str, Any]:
         """Return every setting that decides the result, as JSON knows it.
 
-        A model is given by its table: the same content in another file is the same.
+        A model and a cell are given by their tables: the same content in another file
+        is the same.
         """
         values = {name: vars(self)[name] for name in names_in(TrainConfig)}
         values |= values.pop("task_options") | self.own()
@@ -261,6 +262,8 @@ class TrainConfig(
             values["arm"] = parse_address(self.arm).text  # without its token
         if self.model_file is not None:
             values["model"] = self.model_file.table()
+        if self.cell is not None:
+            values["cell"] = self.cell.table()
         return {
             name: list(value) if isinstance(value, tuple) else value
             for name, value in values.items()
@@ -294,7 +297,8 @@ class TrainConfig(
         for name, value in self.to_json().items():
             if value == default[name]:
                 continue
-            words += option_words(name, str(self.model) if name == "model" else value)
+            files = {"model": self.model, "cell": self.cell and self.cell.file}
+            words += option_words(name, str(files[name]) if name in files else value)
         return shlex.join(words)
 
 
@@ -304,10 +308,13 @@ def _usual_of(name: str) -> Any:
 
 
 def _flat(settings: dict[str, Any]) -> dict[str, Any]:
-    """Return settings with a model's entries beside the others, as model.KEY."""
-    flat = {name: value for name, value in settings.items() if name != "model"}
-    model = settings["model"] or {}
-    return flat | {f"model.{key}": value for key, value in model.items()}
+    """Return settings with a file's entries beside the others, as model.KEY."""
+    files = ("model", "cell")
+    flat = {name: value for name, value in settings.items() if name not in files}
+    for file in files:
+        entries = settings[file] or {}
+        flat |= {f"{file}.{key}": value for key, value in entries.items()}
+    return flat
 
 
 def _short(value: Any) -> str:

@@ -86,6 +86,9 @@ def read_settings(
     if isinstance(model := table.get("model"), str):
         beside = path.parent / model
         table["model"] = beside if beside.is_file() else Path(model)
+    if isinstance(cell := table.get("cell"), str):
+        beside = path.parent / cell
+        table["cell"] = beside if beside.is_file() else Path(cell)
     try:
         shared = {name: table[name] for name in names if name in table}
         require_types(table, task)

@@ -122,6 +122,8 @@ def _require_same(path: Path, steps: RecordedSteps, core: ContactEnv) -> None:
         # A gap may be another one: a wider one is where one begins to demonstrate.
         if isinstance(value, str) and name != "axes" and isinstance(task, Mapping):
             pairs.append((name, task.get(name), value))
+    theirs, ours = steps.cell.get("cell") or {}, own.get("cell") or {}
+    pairs += [("cell", theirs, ours)] if theirs != ours else []
     pairs += [(name, steps.action.get(name), here[ACTION][name]) for name in MEANT]
     for name, theirs, ours in pairs:
         if not _is_same(theirs, ours):

@@ -18,6 +18,7 @@ from dovetail.learn.policy import Policy
 from dovetail.learn.spaces import require_spaces
 from dovetail.settings import names_in, values_of
 from dovetail.tasks.options import option_types, require_types
+from dovetail.workcell.cell_config import CellConfig, cell_of
 
 TRAINED_IN = ("plant", "robot", "tracker")
 """Settings that say where the policy was trained: read, and never taken."""
@@ -87,6 +88,8 @@ def policy_settings(
             )
     shared = {name: env[name] for name in names_in(EnvOptions) if name in env}
     try:
+        if "cell" in shared:  # its content: a file must not name another
+            shared["cell"] = cell_of(env["cell"])
         checked = values_of(EnvOptions(**shared))
         require_types(env, task)
         if not isinstance(env.get("task", ""), str):
@@ -171,6 +174,29 @@ def require_contact_accepted(
     return note
 
 
+def require_own_cell(
+    settings: Mapping[str, Any], arm: str | None, *, is_given: bool
+) -> None:
+    """Refuse to take walls and tool of a robot's cell from a policy's file.
+
+    Args:
+        settings: Keyword arguments of the environment, by `policy_settings`.
+        arm: Address of the arm; None is a simulation of this process.
+        is_given: True if the user has said which cell it is.
+
+    Raises:
+        ConfigError: The file says it, the arm may be a robot, and the user does not.
+    """
+    cell: CellConfig | None = settings.get("cell")
+    if cell is None or is_given or arm is None or not parse_address(arm).may_be_robot:
+        return
+    raise ConfigError(
+        f"the policy's file has a cell ({cell.describe()}), and the arm at {arm} may "
+        "be a robot, whose walls and tool no policy may choose: say with --cell FILE "
+        "which cell it is in"
+    )
+
+
 def make_policy_env(
     policy: Policy,
     *,
@@ -195,6 +221,7 @@ def make_policy_env(
     settings = policy_settings(policy.metadata, env_id) | where
     env_id = known_env_id(policy.metadata, env_id)
     require_contact_accepted(settings, where.get("arm"), is_given=accept_contact)
+    require_own_cell(settings, where.get("arm"), is_given="cell" in where)
     env = make(env_id, **settings)
     try:
         require_spaces(policy.metadata, env)

@@ -55,6 +55,7 @@ class PolicyEnvConfig(EnvOptions):
         given = {name: vars(self)[name] for name in names_in(EnvOptions)}
         given |= {"tracker": tracker, "task": self.task}
         given |= self.task_options
+        given["cell"] = None if self.cell is None else self.cell.table()
         del given["fall_back"]  # a training is of the policy alone
         return {name: value for name, value in given.items() if value is not None}
 

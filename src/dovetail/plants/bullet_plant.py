@@ -35,7 +35,7 @@ from dovetail.plants.plant import (
 from dovetail.poses import UNMOVED, Pose, quat_from_matrix
 from dovetail.robots.robot import GRAVITY, Robot
 from dovetail.types import Array, Vec3, Vec7
-from dovetail.workcell.workcell import TABLE, Workcell
+from dovetail.workcell.workcell import Workcell
 
 if TYPE_CHECKING:
     from dovetail import _core
@@ -163,7 +163,7 @@ class BulletPlant:
         )
         p.setGravity(*self._gravity, physicsClientId=client)
         world = BulletWorld(p, client)
-        world.add_fixed(TABLE.primitives, WORLD)
+        world.add_fixed(self.cell.table.primitives, WORLD)
         self._fixture = world.add_fixed(self.cell.fixture.primitives, fixture)
         self._body = world.add_arm(
             self.robot,

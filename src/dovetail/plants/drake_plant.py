@@ -27,7 +27,7 @@ from dovetail.poses import UNMOVED, Pose, quat_from_matrix
 from dovetail.robots.robot import GRAVITY, Robot
 from dovetail.types import Array, Vec3, Vec7
 from dovetail.workcell.parts import Primitive
-from dovetail.workcell.workcell import TABLE, Workcell
+from dovetail.workcell.workcell import Workcell
 
 if TYPE_CHECKING:
     from dovetail import _core
@@ -276,7 +276,7 @@ class _World:
         self._add_arm(cell, dynamics, grasp)
         friction = dynamics.contact_friction
         self._add_shapes(
-            plant.world_body(), "table", TABLE.primitives, self._rigid(friction)
+            plant.world_body(), "table", cell.table.primitives, self._rigid(friction)
         )
         self._add_fixture(cell, friction)
         plant.Finalize()

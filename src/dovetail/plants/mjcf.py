@@ -9,7 +9,7 @@ from dovetail.poses import quat_from_matrix, quat_multiply
 from dovetail.robots.drawn import Drawn, add_geom, add_mesh
 from dovetail.robots.robot import Robot
 from dovetail.workcell.parts import Primitive
-from dovetail.workcell.workcell import TABLE, Workcell
+from dovetail.workcell.workcell import Workcell
 
 # The time constant is ContactDynamics.contact_time, set on the compiled model, and at
 # least twice the step. With 5 ms this impedance lets 30 N press a wall in by 3 um;
@@ -71,7 +71,7 @@ def build_mjcf(robot: Robot, cell: Workcell, *, visual_meshes: bool = False) -> 
     _choose_collisions(root, cell)
     add_vertices(assets, [*cell.tool_primitives(), *cell.fixture.primitives])
     looks.add_assets(assets)
-    add_part(world, TABLE.primitives[0], "world")
+    add_part(world, cell.table.primitives[0], "world")
     fixture = ET.SubElement(
         world, "body", name="fixture", mocap="true", pos="0.6 0 0.1"
     )

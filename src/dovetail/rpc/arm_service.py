@@ -348,7 +348,8 @@ class ArmService:
         if request.HasField("cell") and request.cell.name != cell.name:
             raise ConfigError(
                 f"the learner's cell is {request.cell.name!r}, the service's is "
-                f"{cell.name!r}: start both with the same options of the task"
+                f"{cell.name!r}: start both with the same options of the task, and "
+                "the same --cell"
             )
 
     def _lease_ended(self, holder: Holder, reason: str) -> None:

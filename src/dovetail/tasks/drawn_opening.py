@@ -12,6 +12,7 @@ from dovetail.settings import Range, in_range
 from dovetail.tasks.facing import Facing, find_facing
 from dovetail.tasks.fixture_pose import UPRIGHT, FixturePose, turned
 from dovetail.tasks.opening import IntoOpening
+from dovetail.tasks.region import Region
 from dovetail.tasks.starts import (
     HoleRangeConfig,
     RandomisationConfig,
@@ -22,6 +23,7 @@ from dovetail.types import Vec3
 
 TILT = Range(0.0, 0.2, "rad")
 """Half range of a fixture's tilt about each of its axes x and y; 0.2 is tested."""
+_USUAL = RandomisationConfig()
 TRIED_TILTS = (1.0, 0.0), (0.0, 1.0), (-0.7, -0.7)
 """Tilts about its own x and y of the places where a policy is tried, as shares."""
 
@@ -61,6 +63,10 @@ class DrawnOpening(IntoOpening):
         FixturePose("C", 0.64, -0.01, 0.115, 0.20),
     )
     """Poses of the fixture when a policy is tried: x, y, z and theta all differ."""
+    trial_region: ClassVar[Region | None] = Region.about(
+        _USUAL.hole_centre, _USUAL.hole_range, _USUAL.hole_yaw
+    )
+    """The region from which a training draws fixtures on a table."""
     recording_pose: ClassVar[FixturePose | None] = FixturePose(
         "aside", 0.60, 0.0, 0.09, 0.0
     )
@@ -93,13 +99,29 @@ class DrawnOpening(IntoOpening):
         made = {"axes": with_tilt(self.axes), "columns": (*self.columns, *shown)}
         made |= {"trial_poses": poses, "recording_pose": None}
         if self.facing != "up":
-            made |= {"posture": way.posture, "walls": way.walls}
+            made |= {"posture": way.posture, "walls": way.walls, "trial_region": None}
         for name, value in made.items():
             object.__setattr__(self, name, value)
 
     def draw_fixture(self, rng: np.random.Generator) -> Pose:
         """Draw the true pose of the mouth for an episode, tilted and as it faces."""
-        upright = sample_hole(rng, self.randomisation)
+        return self._draw_fixture(rng, self.randomisation)
+
+    def draw_in(self, rng: np.random.Generator, region: Region) -> Pose:
+        """Draw the true pose of the mouth in the region of a cell file."""
+        x, y, z = region.half.tolist()
+        ranges = replace(
+            self.randomisation,
+            hole_centre=tuple(region.middle.tolist()),
+            hole_range=(x, y, z),
+            hole_yaw=region.half_yaw,
+        )
+        return region.turned(self._draw_fixture(rng, ranges))
+
+    def _draw_fixture(
+        self, rng: np.random.Generator, ranges: RandomisationConfig
+    ) -> Pose:
+        upright = sample_hole(rng, ranges)
         if self.tilt > 0.0:
             tilt = turned(UPRIGHT, 0.0, *rng.uniform(-self.tilt, self.tilt, 2))
             upright = upright._replace(quat_wxyz=quat_multiply(upright.quat_wxyz, tilt))

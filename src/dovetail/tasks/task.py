@@ -14,8 +14,10 @@ from dovetail.poses import Pose, matrix_from_quat
 from dovetail.robots.robot import Robot
 from dovetail.tasks.fixture_pose import FixturePose
 from dovetail.tasks.grasp import Grasp
+from dovetail.tasks.region import Region, require_region
 from dovetail.tasks.reward import RewardConfig, distance_reward
 from dovetail.types import Array, Vec3, Vec4
+from dovetail.workcell.cell_config import CellConfig
 from dovetail.workcell.parts import Part
 from dovetail.workcell.tool import Tool, wsg50
 from dovetail.workcell.workcell import WALLS, Walls, Workcell
@@ -87,6 +89,9 @@ class Task(ABC):
     """Largest displacement of the held part in the fingers."""
     recording_pose: ClassVar[FixturePose | None] = None
     """Pose of the fixture while an arm is identified; None is the first trial pose."""
+    trial_region: ClassVar[Region | None] = None
+    """Region in which the trial poses lie; None is the smallest one that holds them.
+    Where a cell file gives a region of its own, they lie in it in the same way."""
 
     @abstractmethod
     def held(self) -> Part:
@@ -124,6 +129,10 @@ class Task(ABC):
             goal: Of the fixture's true pose.
             state: Measured state of the arm.
         """
+
+    def draw_in(self, rng: np.random.Generator, region: Region) -> Pose:
+        """Draw the fixture's true pose in the region of a cell file."""
+        return region.draw(rng, self.trial_poses[0].facing)
 
     def tool(self) -> Tool:
         """Return what holds the part; the fingers are 30 mm apart."""
@@ -206,9 +215,17 @@ class Task(ABC):
         """Return what a figure shows of the fixture; None draws the paths alone."""
         return None
 
-    def workcell(self, robot: Robot) -> Workcell:
-        """Return the cell in which a robot does this task."""
-        return Workcell(
+    def workcell(self, robot: Robot, cell: CellConfig | None = None) -> Workcell:
+        """Return the cell in which a robot does this task.
+
+        Args:
+            robot: The bare arm.
+            cell: Facts of a cell file in the place of the task's own.
+
+        Raises:
+            ConfigError: The cell's facts exclude each other, or this task.
+        """
+        usual = Workcell(
             name=", ".join(self.describe()),
             robot=robot,
             tool=self.tool(),
@@ -217,6 +234,22 @@ class Task(ABC):
             heights=self.heights(),
             walls=self.walls,
         )
+        if cell is None:
+            return usual
+        fitted = cell.fit(usual)
+        require_region(self, cell, fitted)
+        return fitted
+
+    def trial_poses_in(self, cell: CellConfig | None) -> tuple[FixturePose, ...]:
+        """Return the poses of the fixture when a policy is tried in a cell."""
+        return tuple(self.placed_in(cell, pose) for pose in self.trial_poses)
+
+    def placed_in(self, cell: CellConfig | None, place: FixturePose) -> FixturePose:
+        """Return one of the task's places as it lies in the region of a cell."""
+        if (region := Region.of(cell)) is None:
+            return place
+        usual = self.trial_region or Region.around(self.trial_poses)
+        return region.carry(place, usual)
 
 
 def axis_of(fixture: Pose) -> Vec3:

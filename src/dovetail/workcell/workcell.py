@@ -1,8 +1,9 @@
 """A workcell: robot, tool, held part, fixture, table and the walls of the tool.
 
-Frames: the robot's base is the world's origin and the table's top is z = 0. The tool
-frame (TCP) lies at the end of the held part, z out of the flange. The fixture's frame
-is where its task puts it; a task says in which pose of the tool it is done.
+Frames: the robot's base is the world's origin and the table's top is z = 0, or where a
+cell file says. The tool frame (TCP) lies at the end of the held part, z out of the
+flange. The fixture's frame is where its task puts it; a task says in which pose of the
+tool it is done.
 """
 
 from collections.abc import Callable
@@ -38,6 +39,9 @@ TABLE = Part(
     ),
 )
 """A table whose top is z = 0."""
+START_MARGIN = 0.02
+"""Distance of a start from the walls [m]: a tare leads the tool 7.5 mm, and the limits
+slow it down before a wall. The shipped tasks' usual starts keep 21 mm."""
 _INSIDE = 1e-9  # [m] of rounding that a fixture may be in the table
 
 
@@ -59,6 +63,13 @@ class Workcell:
     """Heights of the TCP over the fixture's frame, along its z, where it goes [m]."""
     walls: Walls = WALLS
     """Walls of the TCP."""
+    own: str = ""
+    """What its cell file says, in words; empty without one."""
+    table: Part = TABLE
+    """The table, in the world's frame."""
+    starts: Walls | None = None
+    """Lower and upper corner of the box in which the TCP starts [m]; None is all that
+    the walls allow."""
     widened_by: float = 0.0
     """Widening of the gaps beyond the task's [m]: a twin's difference."""
 
@@ -150,7 +161,8 @@ class Workcell:
         Raises:
             ConfigError: With how far it is out of reach [m].
         """
-        inside = -self.fixture.lowest(fixture)
+        top = float(self.table.corners[:, 2].max())
+        inside = top - self.fixture.lowest(fixture)
         if inside > _INSIDE:
             z = float(fixture.position[2])
             raise ConfigError(
@@ -171,6 +183,7 @@ class Workcell:
                 raise ConfigError(
                     f"{self.fixture.name} at {at} m is {side} by {excess:.3f} m: the "
                     f"wrist would be {distance:.3f} m from the shoulder, with the "
-                    f"tool at work {arm.nearest:.3f} to {arm.farthest:.3f} m can be "
-                    f"reached{held}; move it"
+                    f"tool of {self.tool.length:g} m at work {arm.nearest:.3f} to "
+                    f"{arm.farthest:.3f} m can be reached{held}; move it, or change "
+                    "the tool"
                 )

@@ -17,6 +17,7 @@ from dovetail.tasks.rail_clip.geometry import (
     clip,
     rail,
 )
+from dovetail.tasks.region import Region
 from dovetail.types import Vec3
 from dovetail.workcell.parts import Part
 from dovetail.workcell.tool import Tool, wsg50
@@ -66,6 +67,8 @@ class RailClip(IntoOpening):
         FixturePose("C", 0.89, -0.005, 0.415, 0.0, FACING_ROBOT),
     )
     """Poses of the slot's mouth when a policy is tried; its axis is the world's -x."""
+    trial_region: ClassVar[Region] = Region.about((0.87, 0.0, 0.40), (0.03,) * 3, 0.0)
+    """The region from which a training draws its slots."""
     recording_pose: ClassVar[FixturePose] = FixturePose(
         "aside", 0.90, 0.0, 0.40, 0.0, FACING_ROBOT
     )
