@@ -16,6 +16,7 @@ from dovetail.learn.policy_env_config import PolicyEnvConfig
 from dovetail.settings import names_in, ranges_of, values_of
 from dovetail.tasks.peg_in_hole.task import PegInHole
 from dovetail.tasks.rail_clip.task import RailClip
+from dovetail.tasks.shipped import TASKS
 
 _NUMBERS = (int, float, int | None, float | None)
 
@@ -105,7 +106,7 @@ def test_task_and_clearance_are_the_environments_own():
 
 @pytest.mark.parametrize("name", ["dovetail/Nut-v0", "CartPole-v1", "peg"])
 def test_an_unknown_environment_lists_the_known_ones(name):
-    known = "dovetail/PegInHole-v0, dovetail/RailClip-v0"
+    known = ", ".join(TASKS)
     with pytest.raises(ConfigError, match=f"'{name}' is unknown.*; known: {known}"):
         TrainConfig(env=name)
 
