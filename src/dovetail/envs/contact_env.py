@@ -185,10 +185,11 @@ class ContactEnv(
         """Take from the arm and the task what each step needs."""
         require_axes(self.arm, self.axes)
         require_task(self.task, self.arm.facts.robot)
-        require_columns(self.arm, self.task.columns)
+        require_columns(self.arm, (*self.task.columns, *self.config.also))
         self.max_steps = self.config.max_steps
         facts, seen, own = self.arm.facts, self.config, self.task.columns
-        self.scaling = Layout((*own, *seen.also), facts.robot, self.task.zero_offset())
+        zero, joints = self.task.zero_offset(), self.cell.joints
+        self.scaling = Layout((*own, *seen.also), facts.robot, zero, joints)
         self._walls = self.cell.walls
         if (tool := facts.limits).walls:
             self._walls = tuple(tool.x_min), tuple(tool.x_max)

@@ -182,8 +182,8 @@ class DrakePlant:
         world = self._ready()
         steps = physics_steps(dt, min(self.dynamics.physics_dt, STEP))
         h = dt / steps
+        require_steppable(self.cell.moving(), h)
         if world.step != h:
-            require_steppable(self.cell.moving(), h)
             other = self._world_of(h)
             other.begin(*world.state(), self._fixture)
             self._world = world = other

@@ -82,6 +82,9 @@ class Joint:
         """
         if self.kind not in _UNITS:
             raise self._error("kind", self.kind, "", "hinge or slide")
+        if not self.name.isidentifier():
+            allowed = "a word of letters, digits and _: it names a column of logs"
+            raise self._error("name", self.name, "", allowed)
         set_ = object.__setattr__
         unit, force, inertia = _UNITS[self.kind]
         axis = np.array(self.axis, dtype=float)
@@ -141,6 +144,11 @@ class Joint:
     def unit(self) -> str:
         """Unit of its position: rad or m."""
         return _UNITS[self.kind][0]
+
+    @property
+    def column(self) -> str:
+        """Name of its column in logs: kind, which tells the unit, and name."""
+        return f"{self.kind}_{self.name}"
 
     @property
     def stops(self) -> tuple[float, float]:
