@@ -82,7 +82,7 @@ def test_dry_friction_holds_a_weight_below_it_and_brakes_one_above(make):
     falling = slide(friction=0.5 * 0.1 * G)
     fallen = -0.5 * 0.5 * G * 0.05**2
     found = rested(make, falling, 0.05, physics_dt=5e-4, period=0.001)
-    assert found == pytest.approx(fallen, rel=0.03)
+    assert found == pytest.approx(fallen, rel=0.05)  # first-order in the step
 
 
 @pytest.mark.parametrize(("share", "holds"), [(0.97, True), (1.03, False)])
