@@ -34,15 +34,15 @@ void bind_mujoco(nb::module_& m) {
       .def(
           "__init__",
           [](PartJoint* self, double stiffness, double rest, double damping,
-             const Detents& detents) {
-            new (self) PartJoint{stiffness, rest, damping, {}};
+             double armature, const Detents& detents) {
+            new (self) PartJoint{stiffness, rest, damping, armature, {}};
             for (const auto& [position, force, half_width] : detents) {
               self->detents.push_back({position, force, half_width});
             }
           },
-          nb::kw_only(), "stiffness"_a, "rest"_a, "damping"_a, "detents"_a,
-          "detents: position, largest force, half width of each.")
-      .def_ro("damping", &PartJoint::damping)
+          nb::kw_only(), "stiffness"_a, "rest"_a, "damping"_a, "armature"_a,
+          "detents"_a, "detents: position, largest force, half width of each.")
+      .def("implicit_damping", &PartJoint::implicit_damping, "q"_a, "h"_a)
       .def("force", &PartJoint::force, "q"_a)
       .def("slope", &PartJoint::slope, "q"_a);
 

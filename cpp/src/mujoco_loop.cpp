@@ -81,13 +81,15 @@ void MujocoLoop::set_part_joints(std::vector<PartJoint> joints) {
   parts_ = std::move(joints);
 }
 
-/// Linearly implicit Euler: the spring's stiffness over the step h [s] is damping.
+/// Linearly implicit Euler. What is implicit is inertia, not MuJoCo's damping: MuJoCo
+/// finds contact forces without its damping, and then a light piece chatters.
 void MujocoLoop::drive_parts(double h) noexcept {
   for (std::size_t i = 0; i < parts_.size(); ++i) {
     const std::size_t at = kNumJoints + i;
     const double q = data_->qpos[at];
-    data_->qfrc_applied[at] = parts_[i].force(q);
-    model_->dof_damping[at] = parts_[i].damping + h * parts_[i].slope(q);
+    const double damping = parts_[i].implicit_damping(q, h);
+    data_->qfrc_applied[at] = parts_[i].force(q) - damping * data_->qvel[at];
+    model_->dof_armature[at] = parts_[i].armature + h * damping;
   }
 }
 
@@ -140,12 +142,10 @@ void MujocoLoop::require_finite() const {
   }
   for (int i = kNumJoints; i < model_->nv; ++i) {
     if (std::isfinite(data_->qvel[i])) continue;
-    throw std::runtime_error("MuJoCo simulation diverged: joint " +
-                             std::to_string(i - kNumJoints + 1) +
-                             " of the parts moves at " +
-                             std::to_string(data_->qvel[i]) + " at t = " +
-                             std::to_string(data_->time) +
-                             " s; reduce physics_dt, then reset");
+    throw std::runtime_error(
+        "MuJoCo simulation diverged: joint " + std::to_string(i - kNumJoints + 1) +
+        " of the parts moves at " + std::to_string(data_->qvel[i]) +
+        " at t = " + std::to_string(data_->time) + " s; reduce physics_dt, then reset");
   }
 }
 

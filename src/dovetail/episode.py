@@ -164,9 +164,7 @@ class Episode:
         observed = () if observation is None else np.asarray(observation, dtype=float)
         names = () if observation is None else self._observed
         led = [] if is_intervention is None else [float(is_intervention)]
-        columns = log_columns(
-            len(numbers), names, is_led=bool(led), parts=self._parts
-        )
+        columns = log_columns(len(numbers), names, is_led=bool(led), parts=self._parts)
         self.columns = self.columns or columns
         moved = np.asarray(parts, dtype=float)
         moved = moved if len(moved) else np.full(len(self._parts), np.nan)

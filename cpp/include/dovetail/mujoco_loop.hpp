@@ -103,7 +103,7 @@ class MujocoLoop {
 
   Step step_ = nullptr;
   ContactForce contact_force_ = nullptr;
-  mjModel* model_;  // only the damping of the joints of parts is written
+  mjModel* model_;  // only the armature of the parts' joints is written
   mjData* data_;
   Chain nominal_;
   Channel channel_;

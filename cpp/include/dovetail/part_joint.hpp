@@ -18,6 +18,7 @@ struct PartJoint {
   double stiffness = 0.0;  // [Nm/rad, N/m]
   double rest = 0.0;       // position without a spring's force [rad, m]
   double damping = 0.0;    // [Nms/rad, Ns/m]
+  double armature = 0.0;   // inertia beside that of its shapes [kg m2, kg]
   std::vector<Detent> detents;
 
   /// Force of spring and detents at a position [Nm, N].
@@ -28,6 +29,11 @@ struct PartJoint {
       sum -= d.force * std::sin(std::numbers::pi * (q - d.position) / d.half_width);
     }
     return sum;
+  }
+
+  /// Damping of a step h [s] that is linearly implicit: the spring's is in it.
+  double implicit_damping(double q, double h) const noexcept {
+    return damping + h * slope(q);
   }
 
   /// Stiffness of both at a position [Nm/rad, N/m]; 0 where they drive away.

@@ -25,11 +25,6 @@ AT_STOP = {"slide": 1e-4, "hinge": 1e-3}
 """Distance from a stop in which its force is looked for [m, rad]."""
 
 
-def implicit(joint: Joint, q: float, h: float) -> float:
-    """Return damping, with that which makes its spring implicit [Nms/rad, Ns/m]."""
-    return joint.damping + h * joint.law.slope(q)
-
-
 def set_stops(bullet: Any, client: int, body: int, link: int, joint: Joint) -> None:
     """Give a link its stops."""
     low, high = joint.stops
@@ -119,7 +114,7 @@ class FixturePiece:
         """Set the force of the next step [s], with gravity [m/s2]."""
         p, client, joint = self._bullet, self._client, self.joint
         q, dq = self.state()
-        damping = implicit(joint, q, h)
+        damping = joint.law.implicit_damping(q, h)
         added = joint.armature + h * damping
         if added != self._added:
             self._set_inertia(added)
@@ -224,7 +219,9 @@ class HeldPieces:
 
     def law(self, q: Array, dq: Array, h: float) -> tuple[Array, Array]:
         """Return the joints' own forces, and the inertia beside the links'."""
-        damping = [implicit(j, at, h) for j, at in zip(self.joints, q, strict=True)]
+        damping = [
+            j.law.implicit_damping(at, h) for j, at in zip(self.joints, q, strict=True)
+        ]
         force = [j.law.force(at) for j, at in zip(self.joints, q, strict=True)]
         added = [j.armature + h * d for j, d in zip(self.joints, damping, strict=True)]
         return np.array(force) - np.array(damping) * dq, np.array(added)

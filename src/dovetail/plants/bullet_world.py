@@ -128,7 +128,10 @@ class BulletWorld:
             linkMasses=mass.tolist(),
             linkCollisionShapeIndices=[-1] * 6 + [shapes, *pieces],
             linkVisualShapeIndices=[-1] * count,
-            linkPositions=[*robot.geometry.origin_position.tolist(), *(origin.tolist() for origin in at)],
+            linkPositions=[
+                *robot.geometry.origin_position.tolist(),
+                *(origin.tolist() for origin in at),
+            ],
             linkOrientations=[
                 *(xyzw(quat_from_matrix(R)) for R in robot.geometry.origin_rotation),
                 *([0.0, 0.0, 0.0, 1.0] for _ in at),

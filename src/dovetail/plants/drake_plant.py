@@ -284,7 +284,9 @@ class _World:
         plant.Finalize()
         self._places = [joint.position_start() for joint in self._joints]
         self._speeds = [joint.velocity_start() for joint in self._joints]
-        self._damping = np.append(self._damping, [joint.damping for joint in cell.joints])
+        self._damping = np.append(
+            self._damping, [joint.damping for joint in cell.joints]
+        )
         self._diagram = builder.Build()
         self._simulator = drake.Simulator(self._diagram)
         self._context = self._simulator.get_mutable_context()
@@ -491,7 +493,7 @@ class _World:
         """Return the forces of springs and detents, and set their implicit damping."""
         h = self.step
         for i, (law, at) in enumerate(zip(self._law, q, strict=True), start=7):
-            self._damping[i] = law.damping + h * law.slope(at)
+            self._damping[i] = law.implicit_damping(at, h)
             self._joints[i].SetDamping(self._own, self._damping[i])
         return np.array([law.force(at) for law, at in zip(self._law, q, strict=True)])
 

@@ -1,8 +1,8 @@
 """Joints of parts: shapes that slide or turn on a part, with spring, stops and detents.
 
 The force of a joint is one formula for every engine, `Joint.law`. Engines step it
-linearly implicitly: they add `h * law.slope` to the damping, h being the physics step
-[s]. That is the implicit Euler method: forces at rest are exact, and no spring is
+linearly implicitly: damping is `law.implicit_damping`, D = d + h k, and h D is added to
+the inertia, h being the physics step [s]. That is the implicit Euler method: forces at rest are exact, and no spring is
 unstable. It damps a vibration that the step does not resolve, so `require_steppable`
 refuses a spring with less than `STEPS` steps in a period of its vibration.
 
@@ -165,6 +165,7 @@ class Joint:
             stiffness=self.stiffness,
             rest=self.rest,
             damping=self.damping,
+            armature=self.armature,
             detents=list(self.detents),
         )
 
