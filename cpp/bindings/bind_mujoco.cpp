@@ -6,8 +6,11 @@
 #include <nanobind/stl/array.h>
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/tuple.h>
+#include <nanobind/stl/vector.h>
 
 #include <tuple>
+#include <utility>
+#include <vector>
 
 #include "dovetail/mujoco_loop.hpp"
 #include "new_array.hpp"
@@ -24,6 +27,24 @@ void bind_mujoco(nb::module_& m) {
 
   using Faults =
       nb::ndarray<const std::int8_t, nb::shape<-1>, nb::c_contig, nb::device::cpu>;
+
+  using Detents = std::vector<std::array<double, 3>>;
+  nb::class_<PartJoint>(m, "PartJoint",
+                        "Spring, damper and detents of a part's hinge or slide.")
+      .def(
+          "__init__",
+          [](PartJoint* self, double stiffness, double rest, double damping,
+             double armature, const Detents& detents) {
+            new (self) PartJoint{stiffness, rest, damping, armature, {}};
+            for (const auto& [position, force, half_width] : detents) {
+              self->detents.push_back({position, force, half_width});
+            }
+          },
+          nb::kw_only(), "stiffness"_a, "rest"_a, "damping"_a, "armature"_a,
+          "detents"_a, "detents: position, largest force, half width of each.")
+      .def("implicit_damping", &PartJoint::implicit_damping, "q"_a, "h"_a)
+      .def("force", &PartJoint::force, "q"_a)
+      .def("slope", &PartJoint::slope, "q"_a);
 
   nb::class_<StepProbe>(m, "StepProbe", "Force and look between two physics steps.");
   nb::class_<Channel>(m, "Channel",
@@ -108,6 +129,8 @@ void bind_mujoco(nb::module_& m) {
                   "numpy.typing.NDArray[numpy.float64]]"))
       .def("contact_force", &MujocoLoop::contact_force)
       .def("contact_force_peak", &MujocoLoop::contact_force_peak)
+      .def("set_part_joints", &MujocoLoop::set_part_joints, "joints"_a,
+           "Spring and detents of the joints after the arm's seven.")
       .def("set_channel", &MujocoLoop::set_channel, "channel"_a)
       .def("seed", &MujocoLoop::seed, "seed"_a);
 }

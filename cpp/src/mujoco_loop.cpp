@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <stdexcept>
+#include <utility>
 
 namespace dovetail {
 
@@ -43,7 +44,7 @@ void* open_library(const std::string& path) {
 MujocoLoop::MujocoLoop(const std::string& library, std::uintptr_t model,
                        std::uintptr_t data, const Chain& nominal,
                        const Channel& channel, bool compensate_gravity)
-    : model_(reinterpret_cast<const mjModel*>(model)),
+    : model_(reinterpret_cast<mjModel*>(model)),
       data_(reinterpret_cast<mjData*>(data)),
       nominal_(nominal),
       channel_(channel),
@@ -51,16 +52,45 @@ MujocoLoop::MujocoLoop(const std::string& library, std::uintptr_t model,
   void* handle = open_library(library);
   step_ = find_function<Step>(handle, library, "mj_step");
   contact_force_ = find_function<ContactForce>(handle, library, "mj_contactForce");
-  if (model_->nq != kNumJoints || model_->nv != kNumJoints) {
+  if (model_->nq < kNumJoints || model_->nv != model_->nq ||
+      model_->njnt != model_->nq) {
     throw std::invalid_argument("MuJoCo model has " + std::to_string(model_->nq) +
                                 " positions and " + std::to_string(model_->nv) +
-                                " velocities, the loop drives 7 hinges");
+                                " velocities, the loop drives 7 hinges, before those "
+                                "of parts, which are hinges or slides");
   }
-  tool_body_ = model_->jnt_bodyid[kNumJoints - 1];
+  is_carried_.assign(static_cast<std::size_t>(model_->nbody), 0);
+  is_carried_[static_cast<std::size_t>(model_->jnt_bodyid[kNumJoints - 1])] = 1;
+  for (int i = 1; i < model_->nbody; ++i) {  // a parent's number is below its child's
+    const auto parent = static_cast<std::size_t>(model_->body_parentid[i]);
+    if (is_carried_[parent] != 0) is_carried_[static_cast<std::size_t>(i)] = 1;
+  }
+  parts_.resize(static_cast<std::size_t>(model_->nq - kNumJoints));
   // MuJoCo times its stages for mjData.timer, which nobody reads here: an eighth of it.
   auto* clock = find_function<mjfTime*>(handle, library, "mjcb_time");
   if (*clock != nullptr) *clock = nullptr;  // a simulation on another thread reads it
   reset();
+}
+
+void MujocoLoop::set_part_joints(std::vector<PartJoint> joints) {
+  if (joints.size() != parts_.size()) {
+    throw std::invalid_argument("MuJoCo model has " + std::to_string(parts_.size()) +
+                                " joints of parts, not " +
+                                std::to_string(joints.size()));
+  }
+  parts_ = std::move(joints);
+}
+
+/// Linearly implicit Euler. What is implicit is inertia, not MuJoCo's damping: MuJoCo
+/// finds contact forces without its damping, and then a light piece chatters.
+void MujocoLoop::drive_parts(double h) noexcept {
+  for (std::size_t i = 0; i < parts_.size(); ++i) {
+    const std::size_t at = kNumJoints + i;
+    const double q = data_->qpos[at];
+    const double damping = parts_[i].implicit_damping(q, h);
+    data_->qfrc_applied[at] = parts_[i].force(q) - damping * data_->qvel[at];
+    model_->dof_armature[at] = parts_[i].armature + h * damping;
+  }
 }
 
 void MujocoLoop::reset() noexcept {
@@ -82,10 +112,13 @@ void MujocoLoop::measure() noexcept {
 
 void MujocoLoop::sum_contact_force() noexcept {
   force_.setZero();
+  const auto is_carried = [this](int geom) {
+    return is_carried_[static_cast<std::size_t>(model_->geom_bodyid[geom])] != 0;
+  };
   for (int i = 0; i < data_->ncon; ++i) {
     const mjContact& contact = data_->contact[i];
-    const bool is_second = model_->geom_bodyid[contact.geom[1]] == tool_body_;
-    const bool is_first = model_->geom_bodyid[contact.geom[0]] == tool_body_;
+    const bool is_second = is_carried(contact.geom[1]);
+    const bool is_first = is_carried(contact.geom[0]);
     if (is_first == is_second) continue;
     mjtNum wrench[6];
     contact_force_(model_, data_, i, wrench);
@@ -107,6 +140,13 @@ void MujocoLoop::require_finite() const {
                              " rad/s at t = " + std::to_string(data_->time) +
                              " s; reduce physics_dt or the torques, then reset");
   }
+  for (int i = kNumJoints; i < model_->nv; ++i) {
+    if (std::isfinite(data_->qvel[i])) continue;
+    throw std::runtime_error(
+        "MuJoCo simulation diverged: joint " + std::to_string(i - kNumJoints + 1) +
+        " of the parts moves at " + std::to_string(data_->qvel[i]) +
+        " at t = " + std::to_string(data_->time) + " s; reduce physics_dt, then reset");
+  }
 }
 
 void MujocoLoop::apply(const Vec7& tau, int steps, const Vec7& drive) {
@@ -125,6 +165,7 @@ void MujocoLoop::apply(const Vec7& tau, int steps, const Vec7& drive) {
           probe_->force(Eigen::Map<const Vec7>(data_->qpos),
                         Eigen::Map<const Vec7>(data_->qvel));
     }
+    drive_parts(h);
     step_(model_, data_);
     sum_contact_force();
     if (probe_ != nullptr) {

@@ -82,6 +82,9 @@ from .tasks.task import Progress as Progress
 from .tasks.task import Task as Task
 from .trackers.tracker import Tracker as Tracker
 from .types import Vec3 as Vec3
+from .workcell.joints import Detent as Detent
+from .workcell.joints import Joint as Joint
+from .workcell.joints import Moving as Moving
 from .workcell.parts import Part as Part
 from .workcell.parts import Primitive as Primitive
 from .workcell.parts import turned_box as turned_box

@@ -48,6 +48,8 @@ _UNITS = CYCLE_UNITS | dict.fromkeys(("step", "reward", LED), "1")
 _UNITS |= {f"obs_{name}": unit for name, unit in CYCLE_UNITS.items()}
 _UNITS |= dict.fromkeys(("obs_theta", "obs_tilt_x", "obs_tilt_y"), "rad")
 _UNITS |= dict.fromkeys(("obs_nx", "obs_ny", "obs_nz"), "1")
+_PARTS = {"hinge_": "rad", "slide_": "m"}
+"""Units of the joints of parts, by what the names of their columns begin with."""
 _WRENCH = tuple(name for name in CYCLE_COLUMNS if name.startswith("wrench_"))
 _MAY_BE_NAN = ("fx", "fy", "fz", *_WRENCH)  # what an arm or an old log does not know
 _NAME_BYTES = 1_000_000
@@ -60,22 +62,36 @@ def unit_of(column: str) -> str:
     Raises:
         LogError: No such column.
     """
+    for kind, unit in _PARTS.items():
+        if column.removeprefix("obs_").startswith(kind):
+            return unit
     is_action = column.removeprefix("action").isdecimal()
     if not is_action and column not in _UNITS:
         raise LogError(
             f"unknown log column {column!r}; known: {', '.join(CYCLE_COLUMNS)}, step, "
-            f"action1.., reward, {LED}, {', '.join(OBSERVED)}"
+            f"action1.., reward, {LED}, hinge_.., slide_.., {', '.join(OBSERVED)}"
         )
     return "1" if is_action else _UNITS[column]
 
 
 def log_columns(
-    num_actions: int, observed: Sequence[str] = (), *, is_led: bool = False
+    num_actions: int,
+    observed: Sequence[str] = (),
+    *,
+    is_led: bool = False,
+    parts: Sequence[str] = (),
 ) -> tuple[str, ...]:
-    """Return a log's columns: `observed` are names `obs_...`, `is_led` adds `LED`."""
+    """Return a log's columns.
+
+    Args:
+        num_actions: Number of actions.
+        observed: Names `obs_...`.
+        is_led: With `LED`.
+        parts: Names of the joints of parts, `hinge_...` and `slide_...`.
+    """
     actions = tuple(f"action{i + 1}" for i in range(num_actions))
     led = (LED,) if is_led else ()
-    return (*CYCLE_COLUMNS, "step", *actions, "reward", *led, *observed)
+    return (*CYCLE_COLUMNS, "step", *actions, "reward", *led, *parts, *observed)
 
 
 class Episode:
@@ -91,6 +107,7 @@ class Episode:
         metadata: Mapping[str, Any],
         path: str | Path | None = None,
         observed: Sequence[str] = OBSERVED,
+        parts: Sequence[str] = (),
     ) -> None:
         """Start an empty log.
 
@@ -99,6 +116,7 @@ class Episode:
                 added.
             path: File to write when used as a context manager.
             observed: Names of the observation's columns, where there is one.
+            parts: Names of the joints of parts: `Joint.column`.
         """
         facts = {
             "format": FORMAT,
@@ -108,7 +126,7 @@ class Episode:
         self.metadata: dict[str, Any] = facts | dict(metadata)
         self.columns: tuple[str, ...] = ()
         self._path = Path(path) if path is not None else None
-        self._observed = tuple(observed)
+        self._observed, self._parts = tuple(observed), tuple(parts)
         self._blocks: list[Array] = []
         self._before: _Handler = None
 
@@ -125,6 +143,7 @@ class Episode:
         observation: ArrayLike | None = None,
         *,
         is_intervention: bool | None = None,
+        parts: ArrayLike = (),
     ) -> None:
         """Add one policy step.
 
@@ -136,6 +155,8 @@ class Episode:
             observation: The unscaled observation after the step, in the columns that
                 the log was made with.
             is_intervention: Whether the action was a person's; None does not say.
+            parts: Positions of the joints of parts after the step [rad, m]; empty
+                where they are not known: they become not-a-number.
 
         Raises:
             LogError: A shape differs from `CYCLE_COLUMNS` or from the first step's.
@@ -144,9 +165,11 @@ class Episode:
         observed = () if observation is None else np.asarray(observation, dtype=float)
         names = () if observation is None else self._observed
         led = [] if is_intervention is None else [float(is_intervention)]
-        columns = log_columns(len(numbers), names, is_led=bool(led))
+        columns = log_columns(len(numbers), names, is_led=bool(led), parts=self._parts)
         self.columns = self.columns or columns
-        extra = np.concatenate([[step], numbers, [reward], led, observed])
+        moved = np.asarray(parts, dtype=float)
+        moved = moved if len(moved) else np.full(len(self._parts), np.nan)
+        extra = np.concatenate([[step], numbers, [reward], led, moved, observed])
         width = log.shape[1] + len(extra) if log.ndim == 2 else 0
         if width != len(columns) or columns != self.columns:
             raise LogError(
@@ -311,7 +334,8 @@ def _check(
     """Refuse a log whose columns, units or numbers are not what they should be."""
     num_actions = sum(name.startswith("action") for name in columns)
     observed = [name for name in columns if name.startswith("obs_")]
-    wanted = log_columns(num_actions, observed, is_led=LED in columns)
+    parts = [name for name in columns if name.startswith(tuple(_PARTS))]
+    wanted = log_columns(num_actions, observed, is_led=LED in columns, parts=parts)
     if (columns and columns != wanted) or len(set(columns)) < len(columns):
         raise LogError(
             f"the log {path} has the columns {', '.join(columns)}; expected "

@@ -11,11 +11,13 @@
 #include <array>
 #include <cstdint>
 #include <string>
+#include <vector>
 
 #include "dovetail/chain.hpp"
 #include "dovetail/channel.hpp"
 #include "dovetail/controller.hpp"
 #include "dovetail/cycle_log.hpp"
+#include "dovetail/part_joint.hpp"
 #include "dovetail/step_probe.hpp"
 #include "dovetail/types.hpp"
 
@@ -35,7 +37,8 @@ class MujocoLoop {
   /// statistics (mjcb_time), in the whole process.
   /// \param nominal  chain whose gravity torque is added to every command
   /// Throws std::runtime_error: library missing or of another version;
-  /// std::invalid_argument: the model is not a seven-joint arm.
+  /// std::invalid_argument: the model is not a seven-joint arm, perhaps with parts
+  /// whose hinges and slides follow.
   MujocoLoop(const std::string& library, std::uintptr_t model, std::uintptr_t data,
              const Chain& nominal, const Channel& channel, bool compensate_gravity);
 
@@ -68,6 +71,10 @@ class MujocoLoop {
     probe_body_ = body;
   }
 
+  /// Gives the joints of parts, those after the arm's seven, spring and detents.
+  /// Throws std::invalid_argument: not as many as the model has.
+  void set_part_joints(std::vector<PartJoint> joints);
+
   void set_channel(const Channel& channel) noexcept { channel_ = channel; }
   void seed(std::uint64_t seed) noexcept { channel_.seed(seed); }
 
@@ -88,6 +95,7 @@ class MujocoLoop {
                      const Target& target) const noexcept;
   void run_row(CycleRow& row, int steps, const Flags& flags, double* log);
   void sum_contact_force() noexcept;
+  void drive_parts(double h) noexcept;
   void require_finite() const;
 
   using Step = void (*)(const mjModel*, mjData*);
@@ -95,12 +103,13 @@ class MujocoLoop {
 
   Step step_ = nullptr;
   ContactForce contact_force_ = nullptr;
-  const mjModel* model_;
+  mjModel* model_;  // only the armature of the parts' joints is written
   mjData* data_;
   Chain nominal_;
   Channel channel_;
   bool compensate_gravity_;
-  int tool_body_ = 0;
+  std::vector<char> is_carried_;  // by body: it is the last link, or on it
+  std::vector<PartJoint> parts_;
   StepProbe* probe_ = nullptr;
   int probe_body_ = 0;
   Vec7 q_ = Vec7::Zero();

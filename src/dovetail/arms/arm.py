@@ -3,6 +3,8 @@
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeGuard
 
+import numpy as np
+
 from dovetail.errors import ArmError
 from dovetail.poses import Pose
 from dovetail.types import Array, Vec3, Vec4, Vec6, Vec7
@@ -12,6 +14,9 @@ if TYPE_CHECKING:
     from dovetail.control.config import LimitConfig, OscConfig
     from dovetail.control.task_spec import TaskSpec
     from dovetail.robots.robot import Robot
+
+
+_UNKNOWN = np.zeros(0)
 
 
 class ToolState(NamedTuple):
@@ -50,6 +55,10 @@ class ArmState(NamedTuple):
     """Limits that acted in any cycle of the step: the cycles' packed flags, or-ed."""
     log: Array
     """One row per control cycle of the step, columns CYCLE_COLUMNS."""
+    parts: Array = _UNKNOWN
+    """True positions of the parts' joints after the step [rad, m], in the order of
+    `Workcell.joints`: a simulation's. Empty where the arm does not know them, as on a
+    robot, and where no part has a joint."""
 
 
 @dataclass(frozen=True, kw_only=True)

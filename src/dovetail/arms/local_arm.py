@@ -76,7 +76,8 @@ class LocalArm:
         self._stamp = 0.0
         log = np.empty((0, len(CYCLE_COLUMNS)))
         seen = _core.summarize(self._chain, q_m, dq_m, log)  # position to flags
-        return ArmState(0.0, q_m, dq_m, ToolState(*seen[:3]), *seen[3:], log)
+        tool, parts = ToolState(*seen[:3]), self.plant.part_positions()
+        return ArmState(0.0, q_m, dq_m, tool, *seen[3:], log, parts)
 
     def step(self, target: _core.Target, duration: float = 0.05) -> ArmState:
         """Follow the target for a duration [s], a whole number of periods.
@@ -93,7 +94,8 @@ class LocalArm:
             log, q, dq = self.plant.run_cycles(controller, target, cycles, period)
         self._stamp += duration
         seen = _core.summarize(self._chain, q, dq, log)  # position to flags
-        return ArmState(self._stamp, q, dq, ToolState(*seen[:3]), *seen[3:], log)
+        tool, parts = ToolState(*seen[:3]), self.plant.part_positions()
+        return ArmState(self._stamp, q, dq, tool, *seen[3:], log, parts)
 
     def count_cycles(self, duration: float) -> int:
         """Return how many control periods a duration [s] has.

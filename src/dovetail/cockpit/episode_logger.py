@@ -54,6 +54,7 @@ class EpisodeLogger:
         self._episode: Episode | None = None
         self._about: dict[str, Any] = {}
         self._observed: Sequence[str] = OBSERVED
+        self._parts: Sequence[str] = ()
         self._paths: dict[str, list[list[float]]] = {}
         self._idle = self._number = 0
         self._is_worth = False
@@ -71,16 +72,20 @@ class EpisodeLogger:
         return ", ".join(words + ["one runs"] * self.is_demonstration)
 
     def begin(
-        self, about: Mapping[str, Any], observed: Sequence[str] = OBSERVED
+        self,
+        about: Mapping[str, Any],
+        observed: Sequence[str] = OBSERVED,
+        parts: Sequence[str] = (),
     ) -> None:
         """End the log that runs, and start one.
 
         Args:
             about: Metadata: plain data.
             observed: Names of the observation's columns.
+            parts: Names of the columns of the parts' joints.
         """
         self.end()
-        self._about, self._observed = dict(about), observed
+        self._about, self._observed, self._parts = dict(about), observed, parts
         self._paths = {FIXTURE: [], BELIEVED: [], PULL: []}
         self._idle = 0
         self._newest = None
@@ -99,7 +104,9 @@ class EpisodeLogger:
     def _open(self) -> None:
         self._episode = None
         if self.folder:
-            self._episode = Episode(metadata=self._about, observed=self._observed)
+            self._episode = Episode(
+                metadata=self._about, observed=self._observed, parts=self._parts
+            )
         self._is_worth = False
         self._paths = {key: rows[-1:] for key, rows in self._paths.items()}
 
@@ -162,6 +169,7 @@ class EpisodeLogger:
             reward,
             raw,
             is_intervention=info["is_intervention"],
+            parts=state.parts,
         )
         if len(self._episode) >= CYCLES_MAX:
             self.end()

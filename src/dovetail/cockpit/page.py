@@ -170,7 +170,8 @@ class Page:
         snapshot, viewers = session.snapshot, self._server.get_clients()
         driver = self.driver_lock.driver
         if snapshot is not None:
-            scene.place(snapshot.q, snapshot.fixture, snapshot.believed)
+            s = snapshot
+            scene.place(s.q, s.fixture, s.believed, s.parts)
             shown = float(panel.forces.is_on)
             scene.point(shown * snapshot.force, shown * snapshot.pull)
             client = None if driver is None else viewers.get(driver)

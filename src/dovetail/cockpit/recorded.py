@@ -48,6 +48,9 @@ class Recorded:
     force: Array
     """Contact force [N], world axes, shape (cycles, 3): the estimated one where it was
     not measured, not-a-number where neither was known."""
+    parts: Array
+    """Positions of the joints of the cell's parts [rad, m], shape (cycles, joints); no
+    column where the log has none."""
     is_estimated: bool
     """True if no cycle has a measured force."""
     fixtures: tuple[tuple[float, Pose], ...]
@@ -85,6 +88,7 @@ class Recorded:
         robot_name = _named("robot", robot, logged_robot, DEFAULT_ROBOT)
         settings = facts.get("task", {})
         task = make_task(env_id, settings if isinstance(settings, Mapping) else {})
+        cell = task.workcell(find_robot(robot_name), _cell_of(path, facts))
         columns = {name: episode[name] for name in episode.columns}
         begin = float(columns["time"][0])
         time = columns["time"] - begin
@@ -92,11 +96,12 @@ class Recorded:
         pulls = _rows(path, episode.metadata, PULL, 4)
         return cls(
             name=f"{path.resolve().parent.name}/{path.stem}",
-            cell=task.workcell(find_robot(robot_name), _cell_of(path, facts)),
+            cell=cell,
             time=time,
             q=_stack(columns, *(f"q{i}" for i in range(1, 8))),
             position=_stack(columns, "x", "y", "z"),
             force=_force(columns),
+            parts=_parts(columns, [joint.column for joint in cell.joints]),
             is_estimated=bool(np.isnan(columns["fx"]).all()),
             fixtures=_fixtures(path, episode.metadata, begin, first),
             believed=_poses(_rows(path, episode.metadata, BELIEVED, 8), begin),
@@ -116,6 +121,10 @@ class Recorded:
         """
         row = self._row(time)
         return self.q[row], self.force[row], _latest(self.fixtures, time)
+
+    def parts_at(self, time: float) -> Array:
+        """Return the positions of the parts' joints at a time [s]; empty is unknown."""
+        return self.parts[self._row(time)]
 
     def believed_at(self, time: float) -> Pose | None:
         """Return the fixture's believed pose at a time [s]; None is unknown."""
@@ -227,6 +236,13 @@ def _rows(path: Path, metadata: Mapping[str, Any], key: str, width: int) -> Arra
 def _poses(rows: Array, begin: float) -> tuple[tuple[float, Pose], ...]:
     """Return rows of time, position and rotation as poses, by the time since begin."""
     return tuple((float(row[0]) - begin, Pose(row[1:4], row[4:8])) for row in rows)
+
+
+def _parts(columns: Mapping[str, Array], names: list[str]) -> Array:
+    """Return the joints of the parts; where the log has not all, no column."""
+    if not names or not {*names} <= {*columns}:
+        return np.zeros((len(columns["time"]), 0))
+    return _stack(columns, *names)
 
 
 def _fixtures(

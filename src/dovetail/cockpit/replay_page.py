@@ -146,7 +146,7 @@ class ReplayPage:
         words = []
         for log, scene in zip(self._logs, self.scenes, strict=True):
             q, force, fixture = log.at(now)
-            scene.place(q, fixture, log.believed_at(now))
+            scene.place(q, fixture, log.believed_at(now), log.parts_at(now))
             scene.point(force, log.pull_at(now))
             scene.trace(log.path(now))
             size = float(np.linalg.norm(force))

@@ -67,6 +67,7 @@ class CellScene:
             i: scene.add_frame(f"{name}/body{i}", show_axes=False)
             for i in range(1, self._model.nbody)
         }
+        self._starts = cell.joint_starts
         self._fixture = self._model.body("fixture").id
         self.believed: viser.FrameHandle | None = None
         """Frame of the fixture's believed pose."""
@@ -166,10 +167,26 @@ class CellScene:
             visible=False,
         )
 
-    def place(self, q: Vec7, fixture: Pose, seen: Pose | None = None) -> None:
-        """Put the arm at joint angles [rad], the fixture and the believed one."""
+    def place(
+        self,
+        q: Vec7,
+        fixture: Pose,
+        seen: Pose | None = None,
+        parts: Array | None = None,
+    ) -> None:
+        """Put the arm at joint angles [rad], the fixture and the believed one.
+
+        Args:
+            q: Joint angles [rad].
+            fixture: The fixture.
+            seen: The believed one; None leaves it where it was.
+            parts: Positions of the parts' joints [rad, m]; None, empty or a
+                not-a-number is where they start.
+        """
         data = self._data
-        data.qpos[:] = q
+        data.qpos[:7], data.qpos[7:] = q, self._starts
+        if parts is not None and len(parts) and np.isfinite(parts).all():
+            data.qpos[7:] = parts
         data.mocap_pos[0], data.mocap_quat[0] = fixture
         self._mujoco.mj_kinematics(self._model, data)
         for i, frame in self._bodies.items():

@@ -27,7 +27,7 @@ from dovetail.cockpit.snapshot import LoopStatus, Snapshot, Trace, take_snapshot
 from dovetail.cockpit.space_mouse import SpaceMouse
 from dovetail.cockpit.teleoperator import Teleoperator
 from dovetail.envs.contact_env import ContactEnv
-from dovetail.envs.log_facts import observed_columns
+from dovetail.envs.log_facts import observed_columns, part_columns
 from dovetail.envs.teleop import TeleopWrapper
 from dovetail.envs.unwrapped import require_contact_env
 from dovetail.envs.workspace import require_inside
@@ -431,7 +431,7 @@ class Session:
         self._is_running = self._is_success = False
         self._note = ""
         about, columns = describe(self._env, self.choice), observed_columns(self._env)
-        self.logger.begin(about, columns)
+        self.logger.begin(about, columns, part_columns(self._env))
         self.teleoperator.reset()
         fixture = None if is_drawn else self._fixture_pose()
         self._is_ready, self._doing = False, "resetting"

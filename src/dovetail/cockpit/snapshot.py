@@ -31,6 +31,8 @@ class Snapshot:
     """Time of the episode [s]."""
     q: Vec7
     """Joint angles [rad]."""
+    parts: Array
+    """Positions of the parts' joints [rad, m]; empty where they are not known."""
     tool: Pose
     """TCP, world axes."""
     fixture: Pose
@@ -148,6 +150,7 @@ def take_snapshot(
     return Snapshot(
         stamp=state.stamp,
         q=state.q,
+        parts=state.parts,
         tool=Pose(state.tool.position, state.tool.quat_wxyz),
         fixture=fixture,
         believed=believed,

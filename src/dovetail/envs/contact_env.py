@@ -202,11 +202,12 @@ class ContactEnv(
         if (cell := self.config.cell) is not None:
             margin = margin_of(self.task, self.arm)
             require_region(self.task, cell, self.cell, margin)
-        require_columns(self.arm, self.task.columns)
+        require_columns(self.arm, (*self.task.columns, *self.config.also))
         self.max_steps = self.config.max_steps
         facts, seen, own = self.arm.facts, self.config, self.task.columns
         also = (name for name in seen.also if name not in own)
-        self.scaling = Layout((*own, *also), facts.robot, self.task.zero_offset())
+        zero, joints = self.task.zero_offset(), self.cell.joints
+        self.scaling = Layout((*own, *also), facts.robot, zero, joints)
         self._walls = self.cell.walls
         if (tool := facts.limits).walls:
             self._walls = tuple(tool.x_min), tuple(tool.x_max)

@@ -56,6 +56,7 @@ class StartCheck:
         self._data = self._mujoco.MjData(self._model)
         self._fixture = self._model.body("fixture").id
         self._name = cell.fixture.name
+        self._parts = cell.joint_starts
 
     def overlap(self, q: Vec7, fixture: Pose) -> Overlap:
         """Return how deep the tool is in something.
@@ -68,7 +69,7 @@ class StartCheck:
             ConfigError: q is not seven finite numbers.
         """
         model, data = self._model, self._data
-        data.qpos[:] = require_configuration(q)
+        data.qpos[:7], data.qpos[7:] = require_configuration(q), self._parts
         data.mocap_pos[0], data.mocap_quat[0] = fixture
         self._mujoco.mj_kinematics(model, data)
         self._mujoco.mj_comPos(model, data)

@@ -50,6 +50,11 @@ def observed_columns(env: gymnasium.Env) -> tuple[str, ...]:
     return tuple(c.name for c in require_contact_env(env).scaling.columns)
 
 
+def part_columns(env: gymnasium.Env) -> tuple[str, ...]:
+    """Return the names of the joints of an environment's parts, in order."""
+    return tuple(joint.column for joint in require_contact_env(env).cell.joints)
+
+
 def describe_first(env: gymnasium.Env, raw: Array) -> dict[str, dict[str, float]]:
     """Return, under `FIRST`, the unscaled observation that a reset gave."""
     return {FIRST: dict(zip(observed_columns(env), raw.tolist(), strict=True))}

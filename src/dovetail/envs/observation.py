@@ -13,6 +13,7 @@ from dovetail.poses import rotation_error, theta_about_vertical
 from dovetail.robots.robot import Robot
 from dovetail.tasks.task import Goal
 from dovetail.types import Array, Vec3
+from dovetail.workcell.joints import Joint
 
 USUAL_GROUPS = ("joints", "position", "theta", "velocity")
 """Column groups of a task that names none."""
@@ -141,6 +142,29 @@ GROUPS: Mapping[str, Group] = {
 """Every group that a task may show."""
 
 
+PARTS = "parts"
+"""Name of the group of the joints of parts: simulations only."""
+
+
+def parts_group(joints: Sequence[Joint]) -> Group:
+    """Return the columns of the joints of a cell's parts.
+
+    Raises:
+        ConfigError: No part has one.
+    """
+    if not joints:
+        raise ConfigError(
+            "observation columns parts: no part of this cell has a joint; leave it out"
+        )
+    columns = [
+        Column(f"obs_{joint.column}", joint.unit, "joint of a part; simulations only")
+        for joint in joints
+    ]
+    scales = {"m": POSITION_SCALE, "rad": THETA_SCALE}
+    scale = tuple(scales[joint.unit] for joint in joints)
+    return Group(tuple(columns), scale, 7.0, attrgetter("state.parts"))
+
+
 class Layout:
     r"""The columns of one environment: how they are read and scaled.
 
@@ -154,24 +178,34 @@ class Layout:
     often after 15,000 steps.
     """
 
-    def __init__(self, groups: Sequence[str], robot: Robot, zero_offset: Vec3) -> None:
+    def __init__(
+        self,
+        groups: Sequence[str],
+        robot: Robot,
+        zero_offset: Vec3,
+        joints: Sequence[Joint] = (),
+    ) -> None:
         """Lay out the columns.
 
         Args:
             groups: Names of `GROUPS`, in order.
             robot: Its joint limits scale joint angles.
             zero_offset: Zero of the scaled position minus the goal [m], world axes.
+            joints: Of the cell's parts, for the group `parts`.
 
         Raises:
             ConfigError: An unknown group, or one twice.
         """
-        unknown = [name for name in groups if name not in GROUPS]
+        known = dict(GROUPS)
+        if PARTS in groups:
+            known[PARTS] = parts_group(joints)
+        unknown = [name for name in groups if name not in known]
         if unknown or len(set(groups)) < len(groups) or not groups:
             raise ConfigError(
                 f"observation columns are {', '.join(groups) or 'none'}; give each of "
-                f"these at most once: {', '.join(GROUPS)}"
+                f"these at most once: {', '.join((*GROUPS, PARTS))}"
             )
-        self.columns = tuple(c for name in groups for c in GROUPS[name].columns)
+        self.columns = tuple(c for name in groups for c in known[name].columns)
         size = len(self.columns)
         self._zero, self._unit = np.zeros(size), np.ones(size)
         self._is_log, high = np.ones(size, dtype=bool), np.zeros(size)
@@ -179,7 +213,7 @@ class Layout:
         self.places: dict[str, slice] = {}
         start = 0
         for name in groups:
-            group = GROUPS[name]
+            group = known[name]
             place = slice(start, start + len(group.columns))
             start = place.stop
             self.places[name] = place

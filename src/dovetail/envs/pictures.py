@@ -86,6 +86,7 @@ class EpisodePictures:
             force=state.contact_force,
             path=self._path,
             believed=believed,
+            parts=state.parts,
         )
 
     def close(self) -> None:

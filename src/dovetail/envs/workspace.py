@@ -195,6 +195,11 @@ def require_columns(arm: Arm, columns: Sequence[str]) -> None:
             "the task's column 'force' is the force of contact, which this arm does "
             "not measure: train and run without it"
         )
+    if "parts" in columns and not arm.facts.traits.is_simulated:
+        raise ConfigError(
+            "the column group 'parts' is where the joints of parts are, which only a "
+            "simulation of this process knows: train and run without it"
+        )
 
 
 def _margin_advice(margin: float) -> str:

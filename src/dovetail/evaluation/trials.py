@@ -20,6 +20,7 @@ from dovetail.envs.log_facts import (
     describe_cell,
     describe_first,
     observed_columns,
+    part_columns,
 )
 from dovetail.envs.unwrapped import require_contact_env
 from dovetail.episode import Episode
@@ -130,8 +131,11 @@ class TrialRunner:
         done, stopped, said = False, "", ""
         about = self._describe(job) | {"tare [m/s2, rad/s2]": tare}
         about |= describe_first(self._env, info["observation_raw"])
-        seen = observed_columns(self._env)
-        with Episode(metadata=about, path=file, observed=seen) as episode:
+        names = {
+            "observed": observed_columns(self._env),
+            "parts": part_columns(self._env),
+        }
+        with Episode(metadata=about, path=file, **names) as episode:
             while not done:
                 action = self._policy(observation)
                 try:
@@ -139,14 +143,16 @@ class TrialRunner:
                 except ArmError as error:
                     stopped, said = error.reason or str(error), str(error)
                     break
-                blocks.append(self._core.state.log)
-                film.add(self._core.state, self._core.fixture, self._core.believed)
+                state = self._core.state
+                blocks.append(state.log)
+                film.add(state, self._core.fixture, self._core.believed)
                 raw = info["observation_raw"]
                 done_for = self._core.done_for(action)
-                episode.append(blocks[-1], steps, done_for, float(reward), raw)
+                about_step = steps, done_for, float(reward), raw
+                episode.append(state.log, *about_step, parts=state.parts)
                 steps += 1
                 violations += int(info["limit_violations"])
-                if int(self._core.state.flags) & FLAG_MASK["ended"]:
+                if int(state.flags) & FLAG_MASK["ended"]:
                     stopped, said = "last_line", _LAST_LINE
                 done = ended or cut or bool(stopped)
             episode.metadata[SUCCESS] = bool(info["success"]) and not stopped

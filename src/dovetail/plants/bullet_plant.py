@@ -24,6 +24,7 @@ from dovetail.errors import (
     PlantError,
     install_command,
 )
+from dovetail.plants.bullet_parts import FixturePiece, HeldPieces, contact
 from dovetail.plants.bullet_world import WORLD, BulletWorld, xyzw
 from dovetail.plants.cycle_loop import run_cycles
 from dovetail.plants.dry_friction import dry_friction
@@ -35,6 +36,11 @@ from dovetail.plants.plant import (
 from dovetail.poses import UNMOVED, Pose, quat_from_matrix
 from dovetail.robots.robot import GRAVITY, Robot
 from dovetail.types import Array, Vec3, Vec7
+from dovetail.workcell.joints import (
+    Moving,
+    mass_centre_inertia,
+    require_steppable,
+)
 from dovetail.workcell.workcell import Workcell
 
 if TYPE_CHECKING:
@@ -73,6 +79,7 @@ class BulletPlant:
         """
         shapes = [*cell.tool_primitives(), *cell.fixture.primitives]
         kinds = ("prism", "convex")
+        shapes += [s for piece in cell.moving() for s in piece.primitives]
         if mesh := next((s for s in shapes if s.kind in kinds), None):
             raise ConfigError(
                 f"plant 'bullet' cannot build the {mesh.kind} {mesh.name!r} of "
@@ -89,6 +96,9 @@ class BulletPlant:
         self._nominal = self.robot.chain()
         self._body = -1
         self._fixture: list[int] = []
+        self._pieces: list[FixturePiece] = []
+        self._held: HeldPieces | None = None
+        self._model_before = np.zeros((7, 7)), np.zeros(7)
         self._push = np.zeros(3)
         self._grasp = UNMOVED
         self._time = 0.0
@@ -101,7 +111,7 @@ class BulletPlant:
         """Change the dynamics; call `reset` before the next torque."""
         from dovetail import _core
 
-        robot = self.cell.loaded_robot(dynamics.inertia)
+        robot = self.cell.rigid_robot(dynamics.inertia)
         scale = np.array(dynamics.mass_scale)
         self._mass = robot.links.mass * scale
         self._inertia = robot.links.inertia * scale[:, None, None]
@@ -163,25 +173,62 @@ class BulletPlant:
         )
         p.setGravity(*self._gravity, physicsClientId=client)
         world = BulletWorld(p, client)
-        world.add_fixed(self.cell.table.primitives, WORLD)
+        table = world.add_fixed(self.cell.table.primitives, WORLD)
         self._fixture = world.add_fixed(self.cell.fixture.primitives, fixture)
         self._body = world.add_arm(
             self.robot,
             self.cell.tool_primitives(self._grasp),
-            (self._mass, self._com, self._body_inertia),
-            self.dynamics.contact_friction,
+            *self._links(),
         )
         for joint in _JOINTS:
             p.resetJointState(
                 self._body, joint, float(q[joint]), physicsClientId=client
             )
+        self._add_parts(fixture, table)
         self._channel.reset()
         self._coulomb = np.array(self.dynamics.coulomb)
         self._time = 0.0
         self._force = self._peak = np.zeros(3)
-        self._contact_torque = np.zeros(7)
+        self._contact_torque = np.zeros(len(self._all_joints()[0]))
         self._push = np.zeros(3)
         self._measure()
+
+    def _links(self) -> tuple[tuple[Array, Array, Array], float, list[Moving]]:
+        """Return masses, centres and inertias, friction, and what moves on the arm."""
+        at = self.robot.geometry
+        quat = quat_from_matrix(at.flange_rotation)
+        moving = [
+            m.moved(at.flange_position, quat)
+            for m in self.cell.held_moving(self._grasp)
+        ]
+        links = [self._mass], [self._com], [self._body_inertia]
+        scale = self.dynamics.mass_scale[6]
+        for piece in moving:
+            mass, com, inertia = mass_centre_inertia(piece.primitives)
+            found = [scale * mass], [com - piece.joint.origin], [scale * inertia]
+            for numbers, more in zip(links, found, strict=True):
+                numbers.append(np.array(more))
+        mass, com, inertia = (np.concatenate(numbers) for numbers in links)
+        return (mass, com, inertia), self.dynamics.contact_friction, moving
+
+    def _add_parts(self, fixture: Pose, table: list[int]) -> None:
+        """Add what moves on the fixture, and let move what is held."""
+        p, client, moving = self._bullet, self._client, self._links()[2]
+        scale, gravity = self.dynamics.mass_scale[6], self._gravity
+        self._held = None
+        if moving:
+            self._held = HeldPieces(p, client, self._body, moving, scale, gravity)
+        self._pieces = []
+        apart = [*table, *self._fixture]
+        for piece in self.cell.fixture.moving:
+            added = FixturePiece(p, client, piece, fixture, apart)
+            self._pieces.append(added)
+            apart.append(added.body)
+
+    def part_positions(self) -> Array:
+        """Return the true positions of the parts' joints [rad, m]."""
+        held = self._all_joints()[0][7:]
+        return np.array([*held, *(piece.state()[0] for piece in self._pieces)])
 
     def move_fixture(self, fixture: Pose) -> None:
         """Put the fixture at a pose at once, the arm's motion untouched.
@@ -192,6 +239,8 @@ class BulletPlant:
         self.cell.require_reachable(fixture)
         world = BulletWorld(self._bullet, self._client)
         world.move_fixed(self._fixture, self.cell.fixture.primitives, fixture)
+        for piece in self._pieces:
+            piece.move(fixture)
 
     def grasp(self, offset: Pose) -> None:
         """Displace the held part in the fingers, from the next reset on.
@@ -206,8 +255,14 @@ class BulletPlant:
         self._push = np.array(force, dtype=float)
 
     def _state(self) -> tuple[Vec7, Vec7]:
+        q, dq = self._all_joints()
+        return q[:7], dq[:7]
+
+    def _all_joints(self) -> tuple[Array, Array]:
+        """Return position and velocity of the arm's joints and of those it holds."""
+        count = 7 + (0 if self._held is None else len(self._held.joints))
         states = self._bullet.getJointStates(
-            self._body, _JOINTS, physicsClientId=self._client
+            self._body, list(range(count)), physicsClientId=self._client
         )
         return np.array([s[0] for s in states]), np.array([s[1] for s in states])
 
@@ -256,6 +311,7 @@ class BulletPlant:
         p, client = self._bullet, self._client
         steps = physics_steps(dt, self.dynamics.physics_dt)
         h = dt / steps
+        require_steppable(self.cell.moving(), h)
         p.setTimeStep(h, physicsClientId=client)
         sent = self._channel.send(np.asarray(tau, dtype=float))
         self._peak = np.zeros(3)
@@ -265,11 +321,15 @@ class BulletPlant:
                 motor = motor + drive
             forces = self._bullet_torque(motor, h)
             p.setJointMotorControlArray(
-                self._body, _JOINTS, p.TORQUE_CONTROL, forces=forces.tolist(),
-                physicsClientId=client,
+                self._body, list(range(len(forces))), p.TORQUE_CONTROL,
+                forces=forces.tolist(), physicsClientId=client,
             )  # fmt: skip
+            for piece in self._pieces:
+                piece.drive(h, self._gravity)
+            dq_before = self._all_joints()[1]
             p.stepSimulation(physicsClientId=client)
             self._read_contacts()
+            self._add_stops(dq_before, forces, h)
             if self._force @ self._force > self._peak @ self._peak:
                 self._peak = self._force
         self._time += dt
@@ -293,6 +353,8 @@ class BulletPlant:
         M[_JOINTS, _JOINTS] += self._armature + h * self._damping
         bias = true.coriolis(q, dq) + true.gravity(q) + self._damping * dq
         contact = self._contact_torque
+        if self._held is not None:
+            return self._with_held(self._held, tau, M, bias, h)
         Minv = np.asarray(np.linalg.inv(M), dtype=np.float64)
         a = Minv @ (tau - bias + contact)
         if self._coulomb.any():
@@ -300,25 +362,76 @@ class BulletPlant:
         bias_simulated = simulated.coriolis(q, dq) + simulated.gravity(q)
         return simulated.inertia_matrix(q) @ a + bias_simulated - contact
 
+    def _with_held(
+        self, held: HeldPieces, tau: Vec7, M: Array, bias: Vec7, h: float
+    ) -> Array:
+        """Return the same of the arm's joints and of those that it holds.
+
+        Args:
+            held: What moves on the held part.
+            tau: Torque of the arm's joints [Nm].
+            M: True inertia of the arm without it, at its joints.
+            bias: True bias of the arm without it.
+            h: Physics step [s].
+        """
+        q, dq = self._all_joints()
+        simulated, contact = self._simulated, self._contact_torque
+        true, bias_true = held.model(simulated, q, dq)
+        M_all, bias_all = self._model_before = self._bullet_model(held, q, dq)
+        true[:7, :7] += M
+        bias_true[:7] += bias
+        force, added = held.law(q[7:], dq[7:], h)
+        own = np.arange(7, len(q))
+        true[own, own] += added
+        Minv = np.asarray(np.linalg.inv(true), dtype=np.float64)
+        a = Minv @ (np.concatenate([tau, force]) - bias_true + contact)
+        coulomb = np.append(self._coulomb, [joint.friction for joint in held.joints])
+        if coulomb.any():
+            a += Minv @ dry_friction(Minv, dq + h * a, coulomb, h)
+        return M_all @ a + bias_all - contact
+
+    def _bullet_model(
+        self, held: HeldPieces, q: Array, dq: Array
+    ) -> tuple[Array, Array]:
+        """Return inertia matrix and bias of all the joints in Bullet."""
+        arm = self._simulated
+        M, bias = held.model(arm, q, dq)
+        M[:7, :7] += arm.inertia_matrix(q[:7])
+        bias[:7] += arm.coriolis(q[:7], dq[:7]) + arm.gravity(q[:7])
+        return M, bias
+
+    def _add_stops(self, dq_before: Array, forces: Array, h: float) -> None:
+        """Add what stops of held joints did in a step to the contacts' torque."""
+        if (held := self._held) is None:
+            return
+        M, bias = self._model_before
+        q, dq = self._all_joints()
+        explained = forces - bias + self._contact_torque
+        unexplained = M @ (dq - dq_before) / h - explained
+        held.note_stops(q[7:], unexplained[7:])
+        self._contact_torque[7:] += held.stop
+
     def _read_contacts(self) -> None:
         """Sum the contacts on the arm: force [N] and joint torque [Nm]."""
         points = self._bullet.getContactPoints(
             bodyA=self._body, physicsClientId=self._client
         )
         self._force, self._contact_torque = np.zeros(3), np.zeros(7)
+        if self._held is not None:
+            at_joints = self._held.contact(points)
+            self._contact_torque = np.concatenate([np.zeros(7), at_joints])
         if not points:
             return
         q, _ = self._state()
         tool, _ = self._true.pose(q)
         moment = np.zeros(3)
         for point in points:
-            f = np.array(point[7]) * point[9]
-            f += np.array(point[11]) * point[10] + np.array(point[13]) * point[12]
+            f, at = contact(point)
             self._force += f
-            moment += np.cross(np.array(point[5]) - tool, f)
+            moment += np.cross(at - tool, f)
         wrench = np.concatenate([self._force, moment])
         torque = self._true.jacobian(q).T @ wrench
-        self._contact_torque = np.asarray(torque, dtype=np.float64)
+        self._contact_torque[:7] = torque
 
     def run_cycles(
         self,

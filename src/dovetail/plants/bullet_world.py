@@ -8,7 +8,8 @@ import numpy as np
 from dovetail.poses import Pose, quat_from_matrix, quat_multiply
 from dovetail.robots.robot import Robot
 from dovetail.types import Array
-from dovetail.workcell.parts import Primitive
+from dovetail.workcell.joints import Moving
+from dovetail.workcell.parts import IDENTITY, Primitive
 
 WORLD = Pose(np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
 """The world's own frame."""
@@ -30,7 +31,7 @@ class BulletWorld:
         self._bullet = bullet
         self._client = client
 
-    def _add_shapes(self, parts: list[Primitive]) -> int:
+    def add_shapes(self, parts: Sequence[Primitive]) -> int:
         """Make one compound shape of boxes and cylinders; return its id."""
         p = self._bullet
         boxes = {"box": p.GEOM_BOX, "cylinder": p.GEOM_CYLINDER}
@@ -59,7 +60,7 @@ class BulletWorld:
             )
             body = p.createMultiBody(
                 baseMass=0.0,
-                baseCollisionShapeIndex=self._add_shapes([still]),
+                baseCollisionShapeIndex=self.add_shapes([still]),
                 basePosition=place,
                 baseOrientation=turn,
                 physicsClientId=client,
@@ -94,13 +95,17 @@ class BulletWorld:
         tool: list[Primitive],
         links: tuple[Array, Array, Array],
         friction: float,
+        moving: Sequence[Moving] = (),
     ) -> int:
         """Build the serial chain, torque-controlled and without any damping.
 
         Args:
             robot: Geometry.
             tool: Collision shapes on the flange.
-            links: Masses [kg] (7,), centres [m] (7, 3), inertias [kg m2] (7, 3, 3).
+            moving: What moves on the held part, each a link after the seven, in the
+                frame of the last one.
+            links: Masses [kg] (n,), centres [m] (n, 3), inertias [kg m2] (n, 3, 3), of
+                the seven links and of what moves, each in its link's frame.
             friction: Sliding friction coefficient of the tool.
 
         Returns:
@@ -110,29 +115,46 @@ class BulletWorld:
         mass, com, inertia = links
         moments, axes = np.linalg.eigh(inertia)
         axes[np.linalg.det(axes) < 0.0, :, 0] *= -1.0
-        shapes = self._add_shapes([_in_link(part, robot) for part in tool])
+        shapes = self.add_shapes([_in_link(part, robot) for part in tool])
+        at = [piece.joint.origin for piece in moving]
+        pieces = [
+            self.add_shapes([s.moved(-origin, IDENTITY) for s in piece.primitives])
+            for origin, piece in zip(at, moving, strict=True)
+        ]
+        kinds = {"slide": p.JOINT_PRISMATIC, "hinge": p.JOINT_REVOLUTE}
+        count = 7 + len(at)
         body = p.createMultiBody(
             baseMass=0.0,
             linkMasses=mass.tolist(),
-            linkCollisionShapeIndices=[-1] * 6 + [shapes],
-            linkVisualShapeIndices=[-1] * 7,
-            linkPositions=robot.geometry.origin_position.tolist(),
+            linkCollisionShapeIndices=[-1] * 6 + [shapes, *pieces],
+            linkVisualShapeIndices=[-1] * count,
+            linkPositions=[
+                *robot.geometry.origin_position.tolist(),
+                *(origin.tolist() for origin in at),
+            ],
             linkOrientations=[
-                xyzw(quat_from_matrix(R)) for R in robot.geometry.origin_rotation
+                *(xyzw(quat_from_matrix(R)) for R in robot.geometry.origin_rotation),
+                *([0.0, 0.0, 0.0, 1.0] for _ in at),
             ],
             linkInertialFramePositions=com.tolist(),
             linkInertialFrameOrientations=[xyzw(quat_from_matrix(R)) for R in axes],
-            linkParentIndices=_JOINTS,
-            linkJointTypes=[p.JOINT_REVOLUTE] * 7,
-            linkJointAxis=[[0.0, 0.0, 1.0]] * 7,
+            linkParentIndices=_JOINTS + [7] * len(at),
+            linkJointTypes=[
+                *[p.JOINT_REVOLUTE] * 7,
+                *(kinds[piece.joint.kind] for piece in moving),
+            ],
+            linkJointAxis=[
+                *[[0.0, 0.0, 1.0]] * 7,
+                *(piece.joint.axis.tolist() for piece in moving),
+            ],
             physicsClientId=client,
         )
-        for link in range(-1, 7):
+        for link in range(-1, count):
             p.changeDynamics(
                 body, link, linearDamping=0.0, angularDamping=0.0, jointDamping=0.0,
                 lateralFriction=friction, physicsClientId=client,
             )  # fmt: skip
-        for link in _JOINTS:
+        for link in range(count):
             p.changeDynamics(
                 body, link, localInertiaDiagonal=moments[link].tolist(),
                 physicsClientId=client,

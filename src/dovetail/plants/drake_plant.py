@@ -26,6 +26,7 @@ from dovetail.plants.plant import (
 from dovetail.poses import UNMOVED, Pose, quat_from_matrix
 from dovetail.robots.robot import GRAVITY, Robot
 from dovetail.types import Array, Vec3, Vec7
+from dovetail.workcell.joints import Moving, mass_centre_inertia, require_steppable
 from dovetail.workcell.parts import Primitive
 from dovetail.workcell.workcell import Workcell
 
@@ -106,12 +107,15 @@ class DrakePlant:
         self.cell.require_reachable(fixture)
         self._fixture = fixture
         self._world = self._world or self._world_of(STEP)
-        self._world.begin(q, np.zeros(7), fixture)
+        self._begin(self._world, np.concatenate([q, self.cell.joint_starts]))
         self._channel.reset()
         self._coulomb = np.array(self.dynamics.coulomb)
         self._push = self._force = self._peak = np.zeros(3)
         self._time = 0.0
         self._measure()
+
+    def _begin(self, world: "_World", q: Array) -> None:
+        world.begin(q, np.zeros(len(q)), self._fixture)
 
     def _world_of(self, step: float) -> "_World":
         """Return the world with a physics step; the plant's is fixed in Drake."""
@@ -152,7 +156,8 @@ class DrakePlant:
         return self._world
 
     def _measure(self) -> None:
-        self._q, self._dq = self._channel.measure(*self._ready().state())
+        q, dq = self._ready().state()
+        self._q, self._dq = self._channel.measure(q[:7], dq[:7])
 
     def read(self) -> tuple[Vec7, Vec7]:
         """Return the measured configuration [rad] and velocity [rad/s]."""
@@ -175,7 +180,7 @@ class DrakePlant:
         """Take the brakes' friction away, the arm at rest."""
         self._coulomb = np.array(self.dynamics.coulomb)
         world = self._ready()
-        world.begin(world.state()[0], np.zeros(7), self._fixture)
+        self._begin(world, world.state()[0])
 
     def apply(self, tau: Vec7, dt: float, drive: Vec7 | None = None) -> None:
         """Hold the overlay torque tau [Nm] for dt [s]; gravity is compensated inside.
@@ -191,6 +196,7 @@ class DrakePlant:
         world = self._ready()
         steps = physics_steps(dt, min(self.dynamics.physics_dt, STEP))
         h = dt / steps
+        require_steppable(self.cell.moving(), h)
         if world.step != h:
             other = self._world_of(h)
             other.begin(*world.state(), self._fixture)
@@ -206,10 +212,12 @@ class DrakePlant:
         self._measure()
 
     def _advance(self, world: "_World", tau: Vec7) -> None:
-        q, dq = world.state()
-        if not np.abs(dq).max() < _DIVERGED:
+        state = world.state()
+        q, dq = state[0][:7], state[1][:7]
+        is_sane = np.abs(dq).max() < _DIVERGED and np.isfinite(state[1]).all()
+        if not is_sane:
             raise PlantError(
-                f"Drake simulation diverged: joint speeds {dq.round(1).tolist()} "
+                f"Drake simulation diverged: joint speeds {state[1].round(1).tolist()} "
                 f"rad/s at t = {self._time:.3f} s; reduce physics_dt or the torques, "
                 "then reset"
             )
@@ -217,8 +225,11 @@ class DrakePlant:
             tau = tau + self._nominal.gravity(q)
         if self._push.any():
             tau = tau + self._nominal.jacobian(q)[:3].T @ self._push
-        if self._coulomb.any():
-            tau = tau + world.friction(tau, dq, self._coulomb)
+        tau = np.concatenate([tau, world.drive_parts(state[0][7:])])
+        joints = self.cell.joints
+        coulomb = np.array([*self._coulomb, *(joint.friction for joint in joints)])
+        if coulomb.any():
+            tau = tau + world.friction(tau, state[1], coulomb)
         world.advance(tau)
         self._force = world.contact_force()
         if self._force @ self._force > self._peak @ self._peak:
@@ -233,6 +244,10 @@ class DrakePlant:
     ) -> tuple[Array, Vec7, Vec7]:
         """Run the controller against the plant; see `Plant.run_cycles`."""
         return run_cycles(self, controller, target, cycles, period, self._time)
+
+    def part_positions(self) -> Array:
+        """Return the true positions of the parts' joints [rad, m]."""
+        return self._ready().state()[0][7:]
 
     def contact_force(self) -> Vec3:
         """Return the force on the tool in the last physics step [N], world."""
@@ -266,20 +281,31 @@ class _World:
         self._armature = np.array(dynamics.armature)
         self._damping = np.array(dynamics.damping)
         builder = drake.DiagramBuilder()
-        plant, _ = drake.AddMultibodyPlantSceneGraph(builder, step)
+        plant, scene = drake.AddMultibodyPlantSceneGraph(builder, step)
         plant.set_contact_model(drake.ContactModel.kHydroelasticWithFallback)
         approximation = drake.DiscreteContactApproximation.kSap
         plant.set_discrete_contact_approximation(approximation)
         gravity = np.add(GRAVITY, dynamics.gravity_residual)
         plant.mutable_gravity_field().set_gravity_vector(gravity)
         self._plant = plant
+        self._joints: list[Any] = []
+        self._law = [joint.law for joint in cell.joints]
         self._add_arm(cell, dynamics, grasp)
         friction = dynamics.contact_friction
-        self._add_shapes(
+        table = self._add_shapes(
             plant.world_body(), "table", cell.table.primitives, self._rigid(friction)
         )
-        self._add_fixture(cell, friction)
+        fixed = self._add_fixture(cell, friction)
+        for ids in (self._tool_ids, table | fixed):  # one part's shapes do not collide
+            apart = drake.CollisionFilterDeclaration()
+            apart.ExcludeWithin(drake.GeometrySet(list(ids)))
+            scene.collision_filter_manager().Apply(apart)
         plant.Finalize()
+        self._places = [joint.position_start() for joint in self._joints]
+        self._speeds = [joint.velocity_start() for joint in self._joints]
+        self._damping = np.append(
+            self._damping, [joint.damping for joint in cell.joints]
+        )
         self._diagram = builder.Build()
         self._simulator = drake.Simulator(self._diagram)
         self._context = self._simulator.get_mutable_context()
@@ -298,7 +324,7 @@ class _World:
 
     def _add_arm(self, cell: Workcell, dynamics: DynamicsConfig, grasp: Pose) -> None:
         drake, plant = self._drake, self._plant
-        robot = cell.loaded_robot(dynamics.inertia)
+        robot = cell.rigid_robot(dynamics.inertia)
         links, scale = robot.links, np.array(dynamics.mass_scale)
         parent = plant.world_body()
         for i in range(7):
@@ -332,6 +358,7 @@ class _World:
             motor = plant.AddJointActuator(f"motor_{i + 1}", joint)
             motor.set_default_rotor_inertia(float(self._armature[i]))
             motor.set_default_gear_ratio(1.0)
+            self._joints.append(joint)
             parent = body
         self._link = parent
         flange = self._transform(
@@ -346,6 +373,13 @@ class _World:
             parent, "tool", cell.tool_primitives(grasp), soft, flange
         )
         self._tool = self._transform(*robot.geometry.tool_in_link())
+        self._carried = {parent.index()}
+        for piece in cell.held_moving(grasp):
+            body, ids = self._add_moving(
+                parent, flange, piece, soft, dynamics.mass_scale[6]
+            )
+            self._carried.add(body.index())
+            self._tool_ids |= ids
 
     def _rigid(self, friction: float) -> Any:
         hard = self._drake.ProximityProperties()
@@ -360,7 +394,51 @@ class _World:
         )
         properties.AddProperty("material", "relaxation_time", 0.5 * time)
 
-    def _add_fixture(self, cell: Workcell, friction: float) -> None:
+    def _add_moving(
+        self, parent: Any, at: Any, piece: Moving, properties: Any, scale: float
+    ) -> tuple[Any, set[Any]]:
+        """Add what moves on a body; return its body and shapes.
+
+        Args:
+            parent: The body.
+            at: Frame of the piece's part in the body's.
+            piece: What moves.
+            properties: Of contact.
+            scale: Of its mass and inertia.
+        """
+        drake, plant, joint = self._drake, self._plant, piece.joint
+        mass, com, I = mass_centre_inertia(piece.primitives)
+        I = scale * I
+        body = plant.AddRigidBody(
+            joint.name,
+            drake.SpatialInertia.MakeFromCentralInertia(
+                scale * mass,
+                com,
+                drake.RotationalInertia(*np.diag(I), I[0, 1], I[0, 2], I[1, 2]),
+            ),
+        )
+        ids = self._add_shapes(body, joint.name, piece.primitives, properties)
+        origin = drake.RigidTransform(joint.origin)
+        frames = [
+            plant.AddFrame(drake.FixedOffsetFrame(f"{joint.name}_{k}", frame, place))
+            for k, (frame, place) in enumerate(
+                (
+                    (parent.body_frame(), at.multiply(origin)),
+                    (body.body_frame(), origin),
+                )
+            )
+        ]
+        kind = {"slide": drake.PrismaticJoint, "hinge": drake.RevoluteJoint}[joint.kind]
+        about = joint.axis, *joint.stops, joint.damping
+        added = plant.AddJoint(kind(joint.name, *frames, *about))
+        motor = plant.AddJointActuator(f"{joint.name}_inertia", added)
+        motor.set_default_rotor_inertia(joint.armature)
+        motor.set_default_gear_ratio(1.0)
+        self._joints.append(added)
+        return body, ids
+
+    def _add_fixture(self, cell: Workcell, friction: float) -> set[Any]:
+        """Add the fixture and what moves on it; return their shapes."""
         drake, plant = self._drake, self._plant
         self._place = plant.AddFrame(
             drake.FixedOffsetFrame(
@@ -371,9 +449,12 @@ class _World:
             "fixture", drake.SpatialInertia.SolidBoxWithMass(1.0, 0.1, 0.1, 0.1)
         )
         plant.WeldFrames(self._place, body.body_frame())
-        self._add_shapes(
-            body, "fixture", cell.fixture.primitives, self._rigid(friction)
-        )
+        hard = self._rigid(friction)
+        ids = self._add_shapes(body, "fixture", cell.fixture.primitives, hard)
+        for piece in cell.fixture.moving:
+            still = drake.RigidTransform()
+            ids |= self._add_moving(body, still, piece, hard, 1.0)[1]
+        return ids
 
     def _add_shapes(
         self,
@@ -402,36 +483,54 @@ class _World:
             )
         return found
 
-    def begin(self, q: Vec7, dq: Vec7, fixture: Pose) -> None:
-        """Put arm and fixture somewhere, at time 0."""
+    def begin(self, q: Array, dq: Array, fixture: Pose) -> None:
+        """Put arm, parts' joints and fixture somewhere, at time 0."""
         self._context.SetTime(0.0)
         self.place(fixture)
-        self._plant.SetPositions(self._own, q)
-        self._plant.SetVelocities(self._own, dq)
-        self._torques.FixValue(self._own, np.zeros(7))
+        self._plant.SetPositions(self._own, self._ordered(q, self._places))
+        self._plant.SetVelocities(self._own, self._ordered(dq, self._speeds))
+        self._torques.FixValue(self._own, np.zeros(len(q)))
         self._simulator.Initialize()
 
     def place(self, fixture: Pose) -> None:
         """Put the fixture somewhere at once."""
         self._place.SetPoseInParentFrame(self._own, self._pose(fixture))
 
-    def state(self) -> tuple[Vec7, Vec7]:
-        """Return the true configuration [rad] and velocity [rad/s]."""
-        plant, own = self._plant, self._own
-        return plant.GetPositions(own).copy(), plant.GetVelocities(own).copy()
+    def _ordered(self, values: Array, places: list[int]) -> Array:
+        """Return numbers of the joints, the arm's first, in the engine's order."""
+        ordered = np.empty(len(values))
+        ordered[places] = values
+        return ordered
 
-    def friction(self, tau: Vec7, dq: Vec7, coulomb: Vec7) -> Vec7:
-        """Return the torque of dry friction in the next step [Nm]."""
+    def state(self) -> tuple[Array, Array]:
+        """Return true positions and velocities of the joints, the arm's seven first."""
+        plant, own = self._plant, self._own
+        q, dq = plant.GetPositions(own), plant.GetVelocities(own)
+        return q[self._places], dq[self._speeds]
+
+    def drive_parts(self, q: Array) -> Array:
+        """Return the forces of springs and detents, and set their implicit damping."""
+        h = self.step
+        for i, (law, at) in enumerate(zip(self._law, q, strict=True), start=7):
+            self._damping[i] = law.implicit_damping(at, h)
+            self._joints[i].SetDamping(self._own, self._damping[i])
+        return np.array([law.force(at) for law, at in zip(self._law, q, strict=True)])
+
+    def friction(self, tau: Array, dq: Array, coulomb: Array) -> Array:
+        """Return the torque of dry friction in the next step [Nm, N]."""
         plant, own, h = self._plant, self._own, self.step
-        M = plant.CalcMassMatrix(own) + h * np.diag(self._damping)
+        order = self._speeds
+        M = plant.CalcMassMatrix(own)[np.ix_(order, order)]
+        M = M + h * np.diag(self._damping)
         bias = plant.CalcBiasTerm(own) - plant.CalcGravityGeneralizedForces(own)
+        bias = bias[order]
         Minv = np.linalg.inv(M)
         a = Minv @ (tau - bias - self._damping * dq)
         return dry_friction(Minv, dq + h * a, coulomb, h)
 
-    def advance(self, tau: Vec7) -> None:
-        """Hold joint torques [Nm] for a step."""
-        self._torques.FixValue(self._own, tau)
+    def advance(self, tau: Array) -> None:
+        """Hold joint torques [Nm, N] for a step."""
+        self._torques.FixValue(self._own, self._ordered(tau, self._speeds))
         self._simulator.AdvanceTo(self._context.get_time() + self.step)
 
     def contact_force(self) -> Vec3:
@@ -440,7 +539,7 @@ class _World:
         force = np.zeros(3)
         for i in range(results.num_point_pair_contacts()):
             info = results.point_pair_contact_info(i)
-            on_tool = info.bodyB_index() == self._link.index()
+            on_tool = info.bodyB_index() in self._carried
             force += (1.0 if on_tool else -1.0) * info.contact_force()
         for i in range(results.num_hydroelastic_contacts()):
             info = results.hydroelastic_contact_info(i)

@@ -8,6 +8,7 @@ import numpy as np
 from dovetail.poses import quat_from_matrix, quat_multiply
 from dovetail.robots.drawn import Drawn, add_geom, add_mesh
 from dovetail.robots.robot import Robot
+from dovetail.workcell.joints import Moving, mass_centre_inertia
 from dovetail.workcell.parts import Primitive
 from dovetail.workcell.workcell import Workcell
 
@@ -68,17 +69,53 @@ def build_mjcf(robot: Robot, cell: Workcell, *, visual_meshes: bool = False) -> 
     assets, world = root.find("asset"), root.find("worldbody")
     assert assets is not None
     assert world is not None
-    _choose_collisions(root, cell)
-    add_vertices(assets, [*cell.tool_primitives(), *cell.fixture.primitives])
+    shapes = [*cell.tool_primitives(), *cell.fixture.primitives]
+    shapes += [s for piece in cell.moving() for s in piece.primitives]
+    _set_flags(root, shapes, moves=bool(cell.joints))
+    add_vertices(assets, shapes)
     looks.add_assets(assets)
     add_part(world, cell.table.primitives[0], "world")
+    # After the arm where it has joints: the arm's are the first seven of the model.
+    if not cell.fixture.moving:
+        _add_fixture(world, cell)
+    _add_tool(_add_links(world, robot, looks), robot, cell, looks)
+    if cell.fixture.moving:
+        _add_fixture(world, cell)
+    return ET.tostring(root, encoding="unicode")
+
+
+def joint_name(name: str) -> str:
+    """Return the model's name of a part's joint, and of the body that it moves."""
+    return f"part_{name}"
+
+
+def _add_fixture(world: ET.Element, cell: Workcell) -> None:
     fixture = ET.SubElement(
         world, "body", name="fixture", mocap="true", pos="0.6 0 0.1"
     )
     for part in cell.fixture.primitives:
         add_part(fixture, part, "world")
-    _add_tool(_add_links(world, robot, looks), robot, cell, looks)
-    return ET.tostring(root, encoding="unicode")
+    for piece in cell.fixture.moving:
+        _add_moving(fixture, piece, {}, "world")
+
+
+def _add_moving(
+    body: ET.Element, piece: Moving, pose: dict[str, str], group: str
+) -> None:
+    """Write what moves on a body, in the frame of its part."""
+    joint = piece.joint
+    name = joint_name(joint.name)
+    moved = ET.SubElement(body, "body", pose, name=name)
+    mass, com, I = mass_centre_inertia(piece.primitives)
+    full = (I[0, 0], I[1, 1], I[2, 2], I[0, 1], I[0, 2], I[1, 2])
+    facts = {"mass": f"{mass:.17g}", "fullinertia": _numbers(full)}
+    ET.SubElement(moved, "inertial", facts, pos=_numbers(com))
+    about = {"pos": _numbers(joint.origin), "axis": _numbers(joint.axis)}
+    ET.SubElement(
+        moved, "joint", about, name=name, type=joint.kind, range=_numbers(joint.stops)
+    )
+    for part in piece.primitives:
+        add_part(moved, part, group)
 
 
 class _Looks:
@@ -100,12 +137,16 @@ class _Looks:
                 add_mesh(assets, name, one)
 
 
-def _choose_collisions(root: ET.Element, cell: Workcell) -> None:
-    """Let convex parts touch in several points; a cylinder keeps to libccd."""
+def _set_flags(root: ET.Element, shapes: list[Primitive], *, moves: bool) -> None:
+    """Switch on stops of joints, and how shapes touch.
+
+    Convex parts touch in several points; a cylinder keeps to libccd.
+    """
     flag = root.find("option/flag")
     assert flag is not None
-    shapes = [*cell.tool_primitives(), *cell.fixture.primitives]
     kinds = {part.kind for part in shapes}
+    if moves:
+        flag.set("limit", "enable")
     if "convex" in kinds:
         flag.set("multiccd", "enable")
         flag.set("nativeccd", "disable" if "cylinder" in kinds else "enable")
@@ -142,6 +183,8 @@ def _add_tool(link: ET.Element, robot: Robot, cell: Workcell, looks: _Looks) -> 
         placed = one.seen_from(at.flange_position, at.flange_rotation)
         add_geom(link, name, placed, _GREY)
     pose = _pose(at.flange_position, at.flange_rotation)
+    for piece in cell.held_moving():
+        _add_moving(link, piece, pose, "tool")
     flange = ET.SubElement(link, "body", pose, name="flange")
     tool = _pose(at.tool_position, at.tool_rotation)
     ET.SubElement(flange, "site", tool, name="tcp", size="0.003")

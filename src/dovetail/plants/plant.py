@@ -206,6 +206,10 @@ class Plant(Protocol):
         """
         ...
 
+    def part_positions(self) -> Array:
+        """Return the true positions of the parts' joints [rad, m], as in the cell."""
+        ...
+
     def contact_force(self) -> Vec3:
         """Return the force on the tool in the last physics step [N], world."""
         ...

@@ -207,7 +207,7 @@ class StepRequest(_message.Message):
     def __init__(self, lease: _Optional[str] = ..., counter: _Optional[int] = ..., target: _Optional[_Union[Target, _Mapping]] = ..., duration: _Optional[float] = ..., acquire: _Optional[_Union[LeaseRequest, _Mapping]] = ...) -> None: ...
 
 class ArmState(_message.Message):
-    __slots__ = ("stamp", "q", "dq", "position", "quat_wxyz", "velocity", "contact_force", "flags", "log", "wrench")
+    __slots__ = ("stamp", "q", "dq", "position", "quat_wxyz", "velocity", "contact_force", "flags", "log", "wrench", "parts")
     STAMP_FIELD_NUMBER: _ClassVar[int]
     Q_FIELD_NUMBER: _ClassVar[int]
     DQ_FIELD_NUMBER: _ClassVar[int]
@@ -218,6 +218,7 @@ class ArmState(_message.Message):
     FLAGS_FIELD_NUMBER: _ClassVar[int]
     LOG_FIELD_NUMBER: _ClassVar[int]
     WRENCH_FIELD_NUMBER: _ClassVar[int]
+    PARTS_FIELD_NUMBER: _ClassVar[int]
     stamp: float
     q: _containers.RepeatedScalarFieldContainer[float]
     dq: _containers.RepeatedScalarFieldContainer[float]
@@ -228,7 +229,8 @@ class ArmState(_message.Message):
     flags: int
     log: bytes
     wrench: _containers.RepeatedScalarFieldContainer[float]
-    def __init__(self, stamp: _Optional[float] = ..., q: _Optional[_Iterable[float]] = ..., dq: _Optional[_Iterable[float]] = ..., position: _Optional[_Iterable[float]] = ..., quat_wxyz: _Optional[_Iterable[float]] = ..., velocity: _Optional[_Iterable[float]] = ..., contact_force: _Optional[_Iterable[float]] = ..., flags: _Optional[int] = ..., log: _Optional[bytes] = ..., wrench: _Optional[_Iterable[float]] = ...) -> None: ...
+    parts: _containers.RepeatedScalarFieldContainer[float]
+    def __init__(self, stamp: _Optional[float] = ..., q: _Optional[_Iterable[float]] = ..., dq: _Optional[_Iterable[float]] = ..., position: _Optional[_Iterable[float]] = ..., quat_wxyz: _Optional[_Iterable[float]] = ..., velocity: _Optional[_Iterable[float]] = ..., contact_force: _Optional[_Iterable[float]] = ..., flags: _Optional[int] = ..., log: _Optional[bytes] = ..., wrench: _Optional[_Iterable[float]] = ..., parts: _Optional[_Iterable[float]] = ...) -> None: ...
 
 class Report(_message.Message):
     __slots__ = ("counter", "state", "problem", "holder", "stopped", "lease")

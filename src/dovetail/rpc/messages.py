@@ -145,6 +145,7 @@ def write_state(state: ArmState, message: pb.ArmState) -> None:
     message.velocity.extend(state.tool.velocity.tolist())
     message.contact_force.extend(state.contact_force.tolist())
     message.wrench.extend(state.wrench.tolist())
+    message.parts.extend(state.parts.tolist())
     message.flags = state.flags
     message.log = rows_to_bytes(state.log)
 
@@ -165,6 +166,7 @@ def read_state(message: pb.ArmState) -> ArmState:
         np.array(message.wrench[:]),
         message.flags,
         rows_from_bytes(message.log),
+        np.array(message.parts[:], dtype=float),
     )
 
 

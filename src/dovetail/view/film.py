@@ -9,7 +9,7 @@ from dovetail.arms.arm import ArmState
 from dovetail.control.period import POLICY_PERIOD
 from dovetail.files import write_atomic
 from dovetail.poses import Pose
-from dovetail.types import Vec3, Vec7
+from dovetail.types import Array, Vec3, Vec7
 from dovetail.view.marks import BELIEVED_COLOUR, FORCE_COLOUR, PATH_COLOUR
 from dovetail.view.renderer import Renderer
 
@@ -23,7 +23,7 @@ class Film:
 
     def __init__(self) -> None:
         """Begin empty."""
-        self._frames: list[tuple[Vec7, Pose, Pose, Vec3]] = []
+        self._frames: list[tuple[Vec7, Pose, Pose, Vec3, Array]] = []
         self._path: list[Vec3] = []
 
     def add(self, state: ArmState, fixture: Pose, believed: Pose) -> None:
@@ -34,7 +34,8 @@ class Film:
             fixture: True pose of the fixture; kept without a copy.
             believed: Its believed pose; likewise.
         """
-        frame = state.q.copy(), fixture, believed, state.contact_force.copy()
+        force, parts = state.contact_force.copy(), state.parts.copy()
+        frame = state.q.copy(), fixture, believed, force, parts
         self._frames.append(frame)
         self._path.append(state.tool.position.copy())
 
@@ -69,10 +70,12 @@ class Film:
 
     def _draw(self, index: int, renderer: Renderer) -> Image.Image:
         """Return the picture of a policy step, with the path until then."""
-        q, fixture, believed, force = self._frames[index]
+        q, fixture, believed, force, parts = self._frames[index]
         path = self._path[: index + 1]
         return Image.fromarray(
-            renderer.draw(q, fixture, force=force, path=path, believed=believed)
+            renderer.draw(
+                q, fixture, force=force, path=path, believed=believed, parts=parts
+            )
         )
 
 

@@ -110,6 +110,7 @@ class Renderer:
         body = self._model.body("fixture").id
         self._fixture = np.flatnonzero(self._model.geom_bodyid == body)
         self._corners = cell.fixture.corners
+        self._starts = cell.joint_starts
         self._size = height, width
         self._gl = GlThread(width, height)
         scale = self._mujoco.mjtFontScale.mjFONTSCALE_100.value
@@ -133,6 +134,7 @@ class Renderer:
         believed: Pose | None = None,
         plate: Pose | None = None,
         view: CameraView | None = None,
+        parts: Array | None = None,
     ) -> NDArray[np.uint8]:
         """Return a picture, shape (height, width, 3).
 
@@ -145,9 +147,12 @@ class Renderer:
             believed: Where the fixture is believed; drawn where that is another place.
             plate: Where the print is, z out of its face; None leaves it where it was.
             view: What is shown; None is the arm from the side.
+            parts: Positions of the parts' joints [rad, m]; None or empty is where they
+                start.
         """
         mujoco, data, scene = self._mujoco, self._data, self._scene
-        data.qpos[:] = q
+        is_known = parts is not None and len(parts) > 0
+        data.qpos[:7], data.qpos[7:] = q, parts if is_known else self._starts
         data.mocap_pos[0], data.mocap_quat[0] = fixture
         if plate is not None:
             data.mocap_pos[1], data.mocap_quat[1] = plate

@@ -3,7 +3,7 @@
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Literal, NamedTuple
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
 
@@ -11,6 +11,9 @@ from dovetail.errors import ConfigError
 from dovetail.poses import Pose, matrix_from_quat, quat_about_z, quat_multiply
 from dovetail.types import Array, Mat33, Vec3, Vec4
 from dovetail.workcell.hull import solid_of, thickness
+
+if TYPE_CHECKING:
+    from dovetail.workcell.joints import Moving
 
 IDENTITY: Vec4 = np.array([1.0, 0.0, 0.0, 0.0])
 """No rotation (wxyz)."""
@@ -118,12 +121,14 @@ def turned_box(
 
 @dataclass(frozen=True, eq=False)
 class Part:
-    """A rigid body: shapes that do not move against each other."""
+    """A rigid body, and what moves on it, each piece on a joint."""
 
     name: str
     """For messages."""
     primitives: tuple[Primitive, ...]
     """Its shapes, in the part's own frame."""
+    moving: "tuple[Moving, ...]" = ()
+    """Shapes that slide or turn on it; shapes of one part pass through each other."""
 
     def __post_init__(self) -> None:
         """Refuse shapes that no engine can build.
@@ -132,10 +137,15 @@ class Part:
             ConfigError: Names the shape, the number and what is allowed.
         """
         object.__setattr__(self, "primitives", tuple(self.primitives))
+        object.__setattr__(self, "moving", tuple(self.moving))
         if not self.primitives:
             raise ConfigError(f"part {self.name} has no shape; give one primitive")
-        names = [primitive.name for primitive in self.primitives]
-        for primitive in self.primitives:
+        joints = [piece.joint.name for piece in self.moving]
+        if twice := [name for name in joints if joints.count(name) > 1]:
+            raise ConfigError(f"part {self.name} has two joints {twice[0]!r}")
+        shapes = [s for piece in (self, *self.moving) for s in piece.primitives]
+        names = [primitive.name for primitive in shapes]
+        for primitive in shapes:
             name, kind, mass = primitive.name, primitive.kind, primitive.mass
             if names.count(name) > 1:
                 raise ConfigError(f"part {self.name} has two shapes {name!r}")
@@ -153,8 +163,12 @@ class Part:
 
     @cached_property
     def corners(self) -> Array:
-        """Corners of the boxes around the shapes, in the part's frame [m]."""
-        return np.vstack([primitive.corners() for primitive in self.primitives])
+        """Corners of the boxes around the shapes, in the part's frame [m].
+
+        What moves counts at both its stops and where it starts.
+        """
+        fixed = [primitive.corners() for primitive in self.primitives]
+        return np.vstack([*fixed, *(piece.corners() for piece in self.moving)])
 
     def lowest(self, pose: Pose) -> float:
         """Return the height of the lowest corner with the part at a pose [m]."""

@@ -16,8 +16,9 @@ import numpy as np
 from dovetail.errors import ConfigError
 from dovetail.poses import UNMOVED, Pose, matrix_from_quat
 from dovetail.robots.robot import Payload, Robot
-from dovetail.types import Vec3
-from dovetail.workcell.parts import Part, Primitive, unit_inertia
+from dovetail.types import Array, Vec3
+from dovetail.workcell.joints import Joint, Moving, mass_centre_inertia
+from dovetail.workcell.parts import Part, Primitive
 from dovetail.workcell.reach import reach_of
 from dovetail.workcell.tool import Tool
 
@@ -88,8 +89,13 @@ class Workcell:
         _ = cell.fixture  # refuses what cannot be
         return cell
 
+    @property
+    def tool_frame(self) -> Pose:
+        """The TCP's frame in the flange frame."""
+        return Pose(np.array([0.0, 0.0, self.tool.length]), self.tool.rotation)
+
     def tool_primitives(self, grasp: Pose = UNMOVED) -> list[Primitive]:
-        """Return tool and held part in the flange frame.
+        """Return tool and held part in the flange frame, without what moves on it.
 
         Args:
             grasp: The held part's frame in the TCP's: it may have slipped.
@@ -98,22 +104,51 @@ class Workcell:
 
     def held_primitives(self, grasp: Pose = UNMOVED) -> list[Primitive]:
         """Return the held part in the flange frame; see `tool_primitives`."""
-        tcp, shapes = np.array([0.0, 0.0, self.tool.length]), self.held.primitives
+        shapes = self.held.primitives
         if grasp is not UNMOVED:
             shapes = tuple(shape.moved(*grasp) for shape in shapes)
-        return [shape.moved(tcp, self.tool.rotation) for shape in shapes]
+        return [shape.moved(*self.tool_frame) for shape in shapes]
+
+    def held_moving(self, grasp: Pose = UNMOVED) -> list[Moving]:
+        """Return what moves on the held part, in the flange frame; see above."""
+        pieces = self.held.moving
+        if grasp is not UNMOVED:
+            pieces = tuple(piece.moved(*grasp) for piece in pieces)
+        return [piece.moved(*self.tool_frame) for piece in pieces]
+
+    @cached_property
+    def joints(self) -> tuple[Joint, ...]:
+        """Joints of the parts, each in its part's frame: the held part's come first.
+
+        Raises:
+            ConfigError: Two have one name.
+        """
+        names = [piece.joint.name for piece in self.moving()]
+        if twice := [name for name in names if names.count(name) > 1]:
+            raise ConfigError(
+                f"{self.held.name} and {self.fixture.name} both have a joint "
+                f"{twice[0]!r}; rename one of them"
+            )
+        return tuple(piece.joint for piece in self.moving())
+
+    def moving(self) -> tuple[Moving, ...]:
+        """Return what moves, in the order of `joints`, each in its part's frame."""
+        return (*self.held.moving, *self.fixture.moving)
+
+    @property
+    def joint_starts(self) -> Array:
+        """Positions of the parts' joints after a reset [rad, m]."""
+        return np.array([joint.start for joint in self.joints], dtype=float)
 
     def payload(self) -> Payload:
-        """Return mass, centre and inertia of tool and part, in the flange frame."""
-        parts = self.tool_primitives()
-        total = sum(part.mass for part in parts)
-        com: Vec3 = sum((p.mass * p.centre() for p in parts), start=np.zeros(3)) / total
-        inertia = np.zeros((3, 3))
-        for part in parts:
-            d = part.centre() - com
-            own = unit_inertia(part) + (d @ d) * np.eye(3) - np.outer(d, d)
-            inertia += part.mass * own
-        return Payload(mass=total, com=com, inertia=inertia)
+        """Return mass, centre and inertia of tool and part, in the flange frame.
+
+        What moves on the part counts where it starts.
+        """
+        shapes = self.tool_primitives()
+        for piece in self.held_moving():
+            shapes += piece.at(piece.joint.start)
+        return _payload(shapes)
 
     def loaded_robot(self, inertia: str | None = None) -> Robot:
         """Return the arm with tool and held part; its tool frame is the TCP.
@@ -126,15 +161,27 @@ class Workcell:
         """
         if inertia is None:
             return self._loaded  # one object: what is computed of it is computed once
-        return self._with_tool(self.robot.with_inertia(inertia))
+        return self._with_tool(self.robot.with_inertia(inertia), self.payload())
+
+    def rigid_robot(self, inertia: str) -> Robot:
+        """Return the arm with what does not move on it: an engine's last link.
+
+        Args:
+            inertia: One of its published inertia sets.
+
+        Raises:
+            ConfigError: It has no such set.
+        """
+        robot = self.robot.with_inertia(inertia)
+        return self._with_tool(robot, _payload(self.tool_primitives()))
 
     @cached_property
     def _loaded(self) -> Robot:
-        return self._with_tool(self.robot)
+        return self._with_tool(self.robot, self.payload())
 
-    def _with_tool(self, robot: Robot) -> Robot:
+    def _with_tool(self, robot: Robot, payload: Payload) -> Robot:
         return robot.with_tool(
-            self.payload(),
+            payload,
             tool_position=np.array([0.0, 0.0, self.tool.length]),
             tool_rotation=matrix_from_quat(self.tool.rotation),
         )
@@ -187,3 +234,8 @@ class Workcell:
                     f"{arm.farthest:.3f} m can be reached{held}; move it, or change "
                     "the tool"
                 )
+
+
+def _payload(shapes: list[Primitive]) -> Payload:
+    mass, com, inertia = mass_centre_inertia(shapes)
+    return Payload(mass=mass, com=com, inertia=inertia)

@@ -1,0 +1,303 @@
+"""Joints of parts in PyBullet: on the fixture bodies of their own, on the arm links.
+
+Both are stepped linearly implicitly, see `workcell/joints.py`. Bullet knows no rotor
+inertia and no implicit spring. A piece of the fixture therefore gets the inertia
+:math:`A + h (D + h k)` beside its own, and its weight back. The pieces that the arm
+holds are links of it: `BulletPlant` adds that inertia in its own equation.
+"""
+
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from dovetail.plants.bullet_world import BulletWorld, xyzw
+from dovetail.plants.dry_friction import dry_friction
+from dovetail.poses import Pose, matrix_from_quat, quat_from_matrix
+from dovetail.types import Array, Mat33, Vec3
+from dovetail.workcell.joints import Joint, Moving, mass_centre_inertia
+
+if TYPE_CHECKING:
+    from dovetail import _core
+
+_AHEAD = 1e-5
+"""Time over which the Jacobian's change is measured [s]."""
+AT_STOP = {"slide": 1e-4, "hinge": 1e-3}
+"""Distance from a stop in which its force is looked for [m, rad]."""
+
+
+def set_stops(bullet: Any, client: int, body: int, link: int, joint: Joint) -> None:
+    """Give a link its stops."""
+    low, high = joint.stops
+    bullet.changeDynamics(
+        body, link, jointLowerLimit=low, jointUpperLimit=high, physicsClientId=client
+    )
+
+
+def axis_frame(axis: Vec3) -> Mat33:
+    """Return a rotation whose z is an axis."""
+    other = np.eye(3)[int(np.argmin(np.abs(axis)))]
+    x = np.cross(other, axis)
+    x /= np.linalg.norm(x)
+    return np.column_stack([x, np.cross(axis, x), axis])
+
+
+class FixturePiece:
+    """What moves on the fixture: a fixed base with one link."""
+
+    def __init__(
+        self, bullet: Any, client: int, piece: Moving, fixture: Pose, apart: list[int]
+    ) -> None:
+        """Add it to the world.
+
+        Args:
+            bullet: The pybullet module.
+            client: Its connection.
+            piece: What moves.
+            fixture: Pose of its part.
+            apart: Bodies that it passes through.
+        """
+        self._bullet, self._client = bullet, client
+        self.joint, self._own = piece.joint, piece.inertia()
+        self._mass, com, inertia = mass_centre_inertia(piece.primitives)
+        joint = self.joint
+        still = Pose(-joint.origin, np.array([1.0, 0.0, 0.0, 0.0]))
+        shapes = [s.moved(*still) for s in piece.primitives]
+        kind = {"slide": bullet.JOINT_PRISMATIC, "hinge": bullet.JOINT_REVOLUTE}
+        frame = axis_frame(joint.axis)
+        self.body = bullet.createMultiBody(
+            baseMass=0.0,
+            basePosition=list(fixture.position),
+            baseOrientation=xyzw(fixture.quat_wxyz),
+            linkMasses=[self._mass],
+            linkCollisionShapeIndices=[BulletWorld(bullet, client).add_shapes(shapes)],
+            linkVisualShapeIndices=[-1],
+            linkPositions=[joint.origin.tolist()],
+            linkOrientations=[[0.0, 0.0, 0.0, 1.0]],
+            linkInertialFramePositions=[(com - joint.origin).tolist()],
+            linkInertialFrameOrientations=[xyzw(quat_from_matrix(frame))],
+            linkParentIndices=[0],
+            linkJointTypes=[kind[joint.kind]],
+            linkJointAxis=[joint.axis.tolist()],
+            physicsClientId=client,
+        )
+        self._about = float(joint.axis @ inertia @ joint.axis)
+        self._across = float(np.trace(inertia) - self._about) / 2.0
+        bullet.changeDynamics(
+            self.body, 0, linearDamping=0.0, angularDamping=0.0, jointDamping=0.0,
+            lateralFriction=1.0, physicsClientId=client,
+        )  # fmt: skip
+        set_stops(bullet, client, self.body, 0, joint)
+        bullet.setJointMotorControl2(
+            self.body, 0, bullet.VELOCITY_CONTROL, force=0.0, physicsClientId=client
+        )
+        for other in apart:
+            for link in range(-1, bullet.getNumJoints(other, physicsClientId=client)):
+                bullet.setCollisionFilterPair(
+                    self.body, other, 0, link, 0, physicsClientId=client
+                )
+        bullet.resetJointState(self.body, 0, joint.start, physicsClientId=client)
+        self._added = -1.0
+
+    def move(self, fixture: Pose) -> None:
+        """Put its part somewhere at once."""
+        self._bullet.resetBasePositionAndOrientation(
+            self.body, list(fixture.position), xyzw(fixture.quat_wxyz),
+            physicsClientId=self._client,
+        )  # fmt: skip
+
+    def state(self) -> tuple[float, float]:
+        """Return position and velocity [rad, m and per s]."""
+        state = self._bullet.getJointState(self.body, 0, physicsClientId=self._client)
+        return state[0], state[1]
+
+    def drive(self, h: float, gravity: Vec3) -> None:
+        """Set the force of the next step [s], with gravity [m/s2]."""
+        p, client, joint = self._bullet, self._client, self.joint
+        q, dq = self.state()
+        damping = joint.law.implicit_damping(q, h)
+        added = joint.armature + h * damping
+        if added != self._added:
+            self._set_inertia(added)
+        force = joint.law.force(q) - damping * dq
+        link = p.getLinkState(self.body, 0, physicsClientId=client)
+        centre, origin = np.array(link[0]), np.array(link[4])
+        x, y, z, w = link[5]
+        axis = matrix_from_quat(np.array([w, x, y, z])) @ joint.axis
+        weight = self._mass * gravity
+        if joint.kind == "slide":
+            force -= added * float(axis @ gravity)  # Bullet lets the added mass fall
+            own = force + float(axis @ (weight + added * gravity))
+        else:
+            own = force + float(axis @ np.cross(centre - origin, weight))
+        if joint.friction:
+            own += self._contact(axis, origin)
+            M = np.array([[self._own + h * damping]])
+            free = np.array([dq + h * own / M[0, 0]])
+            limit = np.array([joint.friction])
+            force += float(dry_friction(1.0 / M, free, limit, h)[0])
+        p.setJointMotorControl2(
+            self.body, 0, p.TORQUE_CONTROL, force=force, physicsClientId=client
+        )
+
+    def _set_inertia(self, added: float) -> None:
+        self._added = added
+        is_slide = self.joint.kind == "slide"
+        about = self._about + (0.0 if is_slide else added)
+        self._bullet.changeDynamics(
+            self.body,
+            0,
+            mass=self._mass + (added if is_slide else 0.0),
+            localInertiaDiagonal=[self._across, self._across, about],
+            physicsClientId=self._client,
+        )
+
+    def _contact(self, axis: Vec3, origin: Vec3) -> float:
+        """Return the last step's contact force at the joint [Nm, N]."""
+        points = self._bullet.getContactPoints(
+            bodyA=self.body, physicsClientId=self._client
+        )
+        return sum(at_joint(self.joint, axis, origin, *contact(p)) for p in points)
+
+
+def contact(point: Any) -> tuple[Vec3, Vec3]:
+    """Return force [N] and place [m] of a contact on its first body, world axes."""
+    f = np.array(point[7]) * point[9]
+    f += np.array(point[11]) * point[10] + np.array(point[13]) * point[12]
+    return f, np.array(point[5])
+
+
+def at_joint(joint: Joint, axis: Vec3, origin: Vec3, f: Vec3, at: Vec3) -> float:
+    """Return what a force does at a joint [Nm, N], all in world axes."""
+    return float(axis @ (f if joint.kind == "slide" else np.cross(at - origin, f)))
+
+
+class _Place(NamedTuple):
+    """Where a link is, world axes."""
+
+    R: Mat33
+    axis: Vec3
+    origin: Vec3
+    centre: Vec3
+
+
+class HeldPieces:
+    """What moves on the held part: links after the arm's seven."""
+
+    def __init__(
+        self,
+        bullet: Any,
+        client: int,
+        body: int,
+        pieces: list[Moving],
+        scale: float,
+        gravity: Vec3,
+    ) -> None:
+        """Let the links move.
+
+        Args:
+            bullet: The pybullet module.
+            client: Its connection.
+            body: The arm.
+            pieces: What moves, in the frame of the arm's last link.
+            scale: Of their masses and inertias.
+            gravity: Of the world [m/s2].
+        """
+        self._bullet, self._client, self._body = bullet, client, body
+        self._pieces, self._gravity = pieces, gravity
+        rigid = [mass_centre_inertia(piece.primitives) for piece in pieces]
+        self._mass = [scale * mass for mass, _, _ in rigid]
+        self._inertia = [scale * inertia for _, _, inertia in rigid]
+        self._centre = [
+            com - piece.joint.origin
+            for (_, com, _), piece in zip(rigid, pieces, strict=True)
+        ]
+        self.joints = [piece.joint for piece in pieces]
+        self.stop = np.zeros(len(pieces))
+        for i, joint in enumerate(self.joints, start=7):
+            set_stops(bullet, client, body, i, joint)
+            bullet.resetJointState(body, i, joint.start, physicsClientId=client)
+
+    def law(self, q: Array, dq: Array, h: float) -> tuple[Array, Array]:
+        """Return the joints' own forces, and the inertia beside the links'."""
+        damping = [
+            j.law.implicit_damping(at, h) for j, at in zip(self.joints, q, strict=True)
+        ]
+        force = [j.law.force(at) for j, at in zip(self.joints, q, strict=True)]
+        added = [j.armature + h * d for j, d in zip(self.joints, damping, strict=True)]
+        return np.array(force) - np.array(damping) * dq, np.array(added)
+
+    def model(self, chain: "_core.Chain", q: Array, dq: Array) -> tuple[Array, Array]:
+        """Return what the pieces add to inertia matrix and bias, gravity included.
+
+        Newton's and Euler's equations of each, with its Jacobian to all joints.
+
+        Args:
+            chain: The arm.
+            q: Positions of the arm's joints and of these.
+            dq: Velocities.
+        """
+        J = chain.jacobian(q[:7])
+        tip = chain.pose(q[:7])[0]
+        ahead = chain.jacobian(q[:7] + _AHEAD * dq[:7])
+        drift = (ahead - J) @ dq[:7] / _AHEAD  # acceleration at constant speeds
+        w = J[3:] @ dq[:7]
+        M, bias = np.zeros((len(q), len(q))), np.zeros(len(q))
+        for i, piece in enumerate(self._pieces):
+            at = self._place(i)
+            u, o, c = at.axis, at.origin - tip, at.centre - at.origin
+            is_slide = piece.joint.kind == "slide"
+            linear, angular = np.zeros((3, len(q))), np.zeros((3, len(q)))
+            linear[:, :7] = J[:3] + np.cross(J[3:], o + c, axis=0)
+            angular[:, :7] = J[3:]
+            linear[:, 7 + i] = u if is_slide else np.cross(u, c)
+            angular[:, 7 + i] = 0.0 if is_slide else u
+            turning = angular @ dq
+            a = drift[:3] + np.cross(drift[3:], o) + np.cross(w, np.cross(w, o))
+            alpha = drift[3:] + np.cross(w, turning)
+            a += np.cross(alpha, c) + np.cross(turning, np.cross(turning, c))
+            if is_slide:
+                a += 2.0 * np.cross(w, u * dq[7 + i])
+            mass, inertia = self._mass[i], at.R @ self._inertia[i] @ at.R.T
+            M += mass * linear.T @ linear + angular.T @ inertia @ angular
+            bias += linear.T @ (mass * (a - self._gravity))
+            bias += angular.T @ (inertia @ alpha + np.cross(turning, inertia @ turning))
+        return M, bias
+
+    def _place(self, index: int) -> "_Place":
+        """Return where a link is, world axes."""
+        link = self._bullet.getLinkState(
+            self._body, 7 + index, computeForwardKinematics=1,
+            physicsClientId=self._client,
+        )  # fmt: skip
+        x, y, z, w = link[5]
+        R = matrix_from_quat(np.array([w, x, y, z]))
+        axis = R @ self.joints[index].axis
+        origin = np.array(link[4])
+        return _Place(R, axis, origin, origin + R @ self._centre[index])
+
+    def contact(self, points: Any) -> Array:
+        """Return what contacts do at the joints [Nm, N]."""
+        sums = np.zeros(len(self.joints))
+        for i, joint in enumerate(self.joints):
+            at = self._place(i)
+            for point in points:
+                if point[3] == 7 + i:
+                    sums[i] += at_joint(joint, at.axis, at.origin, *contact(point))
+        return sums
+
+    def note_stops(self, q: Array, rest: Array) -> None:
+        """Keep what the stops did in a step: the force that nothing else explains.
+
+        Args:
+            q: Joint positions after it.
+            rest: Such forces [Nm, N].
+        """
+        for i, joint in enumerate(self.joints):
+            low, high = joint.stops
+            near = AT_STOP[joint.kind]
+            force = 0.0
+            if q[i] < low + near:
+                force = max(0.0, rest[i])
+            elif q[i] > high - near:
+                force = min(0.0, rest[i])
+            self.stop[i] = force

@@ -1,0 +1,300 @@
+"""Joints of parts: shapes that slide or turn on a part, with spring, stops and detents.
+
+The force of a joint is one formula for every engine, `Joint.law`. Engines step it
+linearly implicitly: damping is `law.implicit_damping`, D = d + h k, and h D is added to
+the inertia, h being the physics step [s]. That is the implicit Euler method: forces at rest are exact, and no spring is
+unstable. It damps a vibration that the step does not resolve, so `require_steppable`
+refuses a spring with less than `STEPS` steps in a period of its vibration.
+
+The engines let shapes of one part pass through each other: a stop is the end of a
+joint's range, not a shape.
+"""
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TYPE_CHECKING, Literal, NamedTuple
+
+import numpy as np
+
+from dovetail.errors import ConfigError
+from dovetail.poses import matrix_from_quat, quat_multiply
+from dovetail.types import Array, Mat33, Vec3, Vec4
+from dovetail.workcell.parts import Primitive, exact_rotation, unit_inertia
+
+if TYPE_CHECKING:
+    from dovetail import _core
+
+STEPS = 2.0 * math.pi
+"""Fewest physics steps in a period of a spring's vibration: below it, more than nine
+tenths of a swing would be lost to the step, and a snap would take longer than it
+should."""
+_UNITS = {"hinge": ("rad", "Nm", "kg m2"), "slide": ("m", "N", "kg")}
+
+
+class Detent(NamedTuple):
+    """A place into which a joint snaps: -force sin(pi (q - position) / half_width)."""
+
+    position: float
+    """Middle [rad, m], where it holds the joint."""
+    force: float
+    """Largest force [Nm, N], half way between the middle and its end."""
+    half_width: float
+    """Distance from the middle at which its force ends [rad, m]."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Joint:
+    """How a moving piece of a part moves, in the part's frame."""
+
+    name: str
+    """Its name in messages, logs and observations."""
+    kind: Literal["hinge", "slide"]
+    """A hinge turns about an axis [rad], a slide moves along one [m]."""
+    axis: Vec3
+    """Direction of the axis, of any length above 0."""
+    range: tuple[float, float] | None = None
+    """Lower and upper stop [rad, m]. It has no default: a joint ends somewhere."""
+    origin: Vec3 = (0.0, 0.0, 0.0)  # type: ignore[assignment]
+    """A point of a hinge's axis [m]."""
+    start: float = 0.0
+    """Position after a reset [rad, m]; the shapes are given at position 0."""
+    stiffness: float = 0.0
+    """Stiffness of a spring [Nm/rad, N/m]."""
+    rest: float = 0.0
+    """Position at which the spring has no force [rad, m]; outside of the range it is
+    preloaded."""
+    damping: float = 0.0
+    """Viscous damping [Nms/rad, Ns/m]."""
+    friction: float = 0.0
+    """Dry friction [Nm, N]."""
+    detents: tuple[Detent, ...] = ()
+    """Places into which it snaps."""
+    armature: float = 0.0
+    """Inertia that moves with it and has no shape, e.g. of a gear [kg m2, kg]."""
+
+    def __post_init__(self) -> None:
+        """Refuse a joint that cannot be.
+
+        Raises:
+            ConfigError: Names the joint, the number and what is allowed.
+        """
+        if self.kind not in _UNITS:
+            raise self._error("kind", self.kind, "", "hinge or slide")
+        if not self.name.isidentifier():
+            allowed = "a word of letters, digits and _: it names a column of logs"
+            raise self._error("name", self.name, "", allowed)
+        set_ = object.__setattr__
+        unit, force, inertia = _UNITS[self.kind]
+        axis = np.array(self.axis, dtype=float)
+        length = float(np.linalg.norm(axis)) if axis.shape == (3,) else 0.0
+        if not 1e-9 < length < math.inf:
+            raise self._error("axis", self.axis, "", "three numbers, not all 0")
+        set_(self, "axis", axis / length)
+        origin = np.array(self.origin, dtype=float)
+        if origin.shape != (3,) or not np.isfinite(origin).all():
+            raise self._error("origin", self.origin, "m", "three numbers")
+        set_(self, "origin", origin)
+        set_(self, "detents", tuple(Detent(*d) for d in self.detents))
+        self._check_range(unit)
+        low, high = self.stops
+        if not low <= self.start <= high:
+            raise self._error("start", self.start, unit, f"{low:g} to {high:g}")
+        if not math.isfinite(self.rest):
+            raise self._error("rest", self.rest, unit, "a number")
+        for name, value, of in (
+            ("stiffness", self.stiffness, f"{force}/{unit}"),
+            ("damping", self.damping, f"{force} s/{unit}"),
+            ("friction", self.friction, force),
+            ("armature", self.armature, inertia),
+        ):
+            if not 0.0 <= value < math.inf:
+                raise self._error(name, value, of, "0 or more")
+        for detent in self.detents:
+            if not (low <= detent.position <= high and detent.half_width > 0.0):
+                allowed = f"position {low:g} to {high:g}, half_width above 0"
+                raise self._error("detent", tuple(detent), unit, allowed)
+            if not 0.0 <= detent.force < math.inf:
+                raise self._error("force of a detent", detent.force, force, "0 or more")
+
+    def _check_range(self, unit: str) -> None:
+        if self.range is None:
+            raise self._error(
+                "range", None, "", f"range=(low, high) in {unit}: its two stops"
+            )
+        low, high = self.range
+        largest = 2.0 * math.pi if self.kind == "hinge" else 1.0
+        if not -largest <= low < high <= largest:
+            allowed = f"low below high, both within {largest:.4g} of 0"
+            raise self._error("range", self.range, unit, allowed)
+        object.__setattr__(self, "range", (float(low), float(high)))
+
+    def _error(self, name: str, value: object, unit: str, allowed: str) -> ConfigError:
+        shown = " ".join(str(part) for part in (value, unit) if part != "")
+        return ConfigError(
+            f"joint {self.name!r}: {name} is {shown}; give {allowed}",
+            name=name,
+            value=value,
+            unit=unit,
+            allowed=allowed,
+        )
+
+    @property
+    def unit(self) -> str:
+        """Unit of its position: rad or m."""
+        return _UNITS[self.kind][0]
+
+    @property
+    def column(self) -> str:
+        """Name of its column in logs: kind, which tells the unit, and name."""
+        return f"{self.kind}_{self.name}"
+
+    @property
+    def stops(self) -> tuple[float, float]:
+        """Lower and upper stop [rad, m]."""
+        assert self.range is not None
+        return self.range
+
+    @cached_property
+    def law(self) -> "_core.PartJoint":
+        """Force and stiffness of spring and detents, as every engine computes them."""
+        from dovetail import _core
+
+        return _core.PartJoint(
+            stiffness=self.stiffness,
+            rest=self.rest,
+            damping=self.damping,
+            armature=self.armature,
+            detents=list(self.detents),
+        )
+
+    def stiffest(self) -> float:
+        """Return the largest stiffness over all positions [Nm/rad, N/m]."""
+        steepest = (most * math.pi / half for _, most, half in self.detents)
+        return self.stiffness + max(steepest, default=0.0)
+
+    def turn(self, q: float) -> tuple[Vec3, Mat33]:
+        """Return the move of its shapes at a position, in the part's frame.
+
+        Returns:
+            p [m] and R, a point x of position 0 being at p + R x.
+        """
+        if self.kind == "slide":
+            return q * self.axis, np.eye(3)
+        half = 0.5 * q
+        R = matrix_from_quat(np.array([math.cos(half), *(math.sin(half) * self.axis)]))
+        return self.origin - R @ self.origin, R
+
+    def moved(self, position: Vec3, quat_wxyz: Vec4) -> "Joint":
+        """Return it in a frame in which its part's frame lies at this pose."""
+        R = exact_rotation(quat_wxyz)
+        return replace(self, axis=R @ self.axis, origin=position + R @ self.origin)
+
+
+@dataclass(frozen=True, eq=False)
+class Moving:
+    """Shapes of a part that move together on one joint."""
+
+    joint: Joint
+    """How they move."""
+    primitives: tuple[Primitive, ...]
+    """The shapes, in the part's frame, at joint position 0."""
+
+    def __post_init__(self) -> None:
+        """Refuse a piece without inertia.
+
+        Raises:
+            ConfigError: It has no mass.
+        """
+        object.__setattr__(self, "primitives", tuple(self.primitives))
+        mass = sum(shape.mass for shape in self.primitives)
+        if not mass > 0.0:
+            raise ConfigError(
+                f"what moves on joint {self.joint.name!r} has a mass of {mass:g} kg; "
+                "give its shapes a mass above 0",
+                name="mass",
+                value=mass,
+                unit="kg",
+                allowed="above 0",
+            )
+
+    def moved(self, position: Vec3, quat_wxyz: Vec4) -> "Moving":
+        """Return it in a frame in which its part's frame lies at this pose."""
+        shapes = tuple(s.moved(position, quat_wxyz) for s in self.primitives)
+        return Moving(self.joint.moved(position, quat_wxyz), shapes)
+
+    def at(self, q: float) -> tuple[Primitive, ...]:
+        """Return its shapes at a joint position [rad, m], in the part's frame."""
+        position, R = self.joint.turn(q)
+        half = 0.5 * q if self.joint.kind == "hinge" else 0.0
+        quat = np.array([math.cos(half), *(math.sin(half) * self.joint.axis)])
+        return tuple(
+            s._replace(
+                position=position + R @ s.position,
+                quat_wxyz=quat_multiply(quat, s.quat_wxyz),
+            )
+            for s in self.primitives
+        )
+
+    def corners(self) -> Array:
+        """Return the corners of the boxes around its shapes at both stops and the start.
+
+        Returns:
+            In the part's frame [m], shape (corners, 3).
+        """
+        places = (*self.joint.stops, self.joint.start)
+        return np.vstack([s.corners() for q in places for s in self.at(q)])
+
+    def inertia(self) -> float:
+        """Return the inertia at its joint, the rest standing still [kg m2, kg]."""
+        mass, com, about = mass_centre_inertia(self.primitives)
+        joint = self.joint
+        if joint.kind == "slide":
+            return mass + joint.armature
+        arm = np.cross(joint.axis, com - joint.origin)
+        turning = joint.axis @ about @ joint.axis + mass * (arm @ arm)
+        return float(turning) + joint.armature
+
+
+def mass_centre_inertia(shapes: Iterable[Primitive]) -> tuple[float, Vec3, Mat33]:
+    """Return mass [kg], centre [m] and inertia about the centre [kg m2] of shapes."""
+    shapes = list(shapes)
+    total = sum(shape.mass for shape in shapes)
+    com: Vec3 = sum((s.mass * s.centre() for s in shapes), start=np.zeros(3)) / total
+    inertia = np.zeros((3, 3))
+    for shape in shapes:
+        d = shape.centre() - com
+        own = unit_inertia(shape) + (d @ d) * np.eye(3) - np.outer(d, d)
+        inertia += shape.mass * own
+    return total, com, inertia
+
+
+def require_steppable(pieces: Iterable[Moving], h: float) -> None:
+    """Refuse a spring that is too stiff for a physics step.
+
+    Args:
+        pieces: With their joints.
+        h: Physics step [s].
+
+    Raises:
+        ConfigError: Names stiffness, inertia, step and the largest stiffness.
+    """
+    for piece in pieces:
+        joint, inertia = piece.joint, piece.inertia()
+        stiffness = joint.stiffest()
+        unit, force, of = _UNITS[joint.kind]
+        largest = inertia * (2.0 * math.pi / (STEPS * h)) ** 2
+        if stiffness <= largest:
+            continue
+        longest = h * math.sqrt(largest / stiffness)
+        raise ConfigError(
+            f"joint {joint.name!r}: stiffness is {stiffness:.4g} {force}/{unit} "
+            f"(detents included) at an inertia of {inertia:.4g} {of}; a physics step "
+            f"of {1e3 * h:.4g} ms allows up to {largest:.4g} {force}/{unit}: make it "
+            f"softer, give an armature, or set physics_dt to {longest:.2g} s or less",
+            name="stiffness",
+            value=stiffness,
+            unit=f"{force}/{unit}",
+            allowed=(0.0, largest),
+        )
