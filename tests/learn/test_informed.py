@@ -10,7 +10,7 @@ from dovetail.envs.unwrapped import require_contact_env
 from dovetail.errors import ConfigError
 from dovetail.learn.config import TrainConfig
 from dovetail.learn.config_file import find_recipe, read_settings
-from dovetail.poses import theta_about_vertical
+from dovetail.poses import UNMOVED, rotation_error, theta_about_vertical
 from extras import need
 
 CONFIG = TrainConfig(
@@ -102,3 +102,22 @@ def test_the_actor_does_not_look_at_the_truth_and_the_policy_has_no_room_for_it(
 def test_only_sac_without_logs_is_informed(change):
     with pytest.raises(ConfigError, match="leave --informed out"):
         replace(CONFIG, script=None, **change)
+
+
+def test_critics_are_told_where_a_displaced_part_is():
+    need("sbx")
+    from dovetail.learn.algorithms import make_vec_env
+    from dovetail.learn.privileged_critic import PrivilegedCritic
+
+    config = replace(CONFIG, grasp_error=0.002, grasp_turn=0.04)
+    made = PrivilegedCritic(make_vec_env(config), config.kinds(3))
+    seen = made.reset()
+    assert seen.shape[1] == made.venv.observation_space.shape[0] + 10 + 2
+    for i, one in enumerate(made.venv.envs):
+        grasp = require_contact_env(one).grasp
+        told = unscaled(seen[i, -8:-5], POSITION_SCALE)
+        np.testing.assert_allclose(told, grasp.position, atol=1e-8)
+        turned = unscaled(seen[i, -5:-2], THETA_SCALE)
+        expected = rotation_error(grasp.quat_wxyz, UNMOVED.quat_wxyz)
+        np.testing.assert_allclose(turned, expected, atol=1e-6)
+    made.close()

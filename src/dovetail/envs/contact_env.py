@@ -227,7 +227,7 @@ class ContactEnv(
         self._velocity, self._followed = FixtureVelocity(), STANDS
         error, turn = self.config.grasp_error, self.config.grasp_turn
         own = self.task.grasp
-        self._grasp_range = Grasp(
+        self.grasp_range = Grasp(
             own.error if error is None else error, own.turn if turn is None else turn
         )
         self._is_force = np.array([m == FORCE for m in self.axes.modes[:3]])
@@ -281,7 +281,7 @@ class ContactEnv(
 
     def _draw_grasp(self) -> None:
         """Displace the held part for the next episode, where a simulation can."""
-        grasp = self._grasp_range.draw(self.np_random)
+        grasp = self.grasp_range.draw(self.np_random)
         if grasp is not self.grasp and self.arm.facts.traits.is_simulated:
             require_simulated(self.arm).grasp(grasp)
             self.grasp = grasp

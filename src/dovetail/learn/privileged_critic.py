@@ -17,7 +17,7 @@ from stable_baselines3.common.vec_env import VecEnvWrapper  # noqa: TID253
 from dovetail.envs.contact_env import ContactEnv
 from dovetail.envs.observation import POSITION_SCALE, THETA_SCALE
 from dovetail.envs.unwrapped import require_contact_env
-from dovetail.poses import theta_about_vertical
+from dovetail.poses import UNMOVED, rotation_error, theta_about_vertical
 
 _FARTHEST = 7.0
 """Bound of the scaled numbers, see `envs.observation`."""
@@ -27,7 +27,8 @@ class PrivilegedCritic(VecEnvWrapper):
     """Appends to each observation how far the fixture is from where it is believed.
 
     These are x, y, z in world axes and the turn about the vertical, scaled as where
-    the tool is; and which of several kinds of episode it is, a one among zeros.
+    the tool is; where the held part may be displaced, its place and rotation vector in
+    the tool; and which of several kinds of episode it is, a one among zeros.
     """
 
     def __init__(self, venv: Any, kinds: NDArray[np.float32]) -> None:
@@ -38,12 +39,14 @@ class PrivilegedCritic(VecEnvWrapper):
             kinds: Further numbers of each environment, shape (environments, numbers).
         """
         box = venv.observation_space
-        high = np.full(4 + kinds.shape[1], _FARTHEST, dtype=np.float32)
+        self._cores = [require_contact_env(env) for env in venv.envs]
+        self._slips = any(any(core.grasp_range) for core in self._cores)
+        size = 10 if self._slips else 4
+        high = np.full(size + kinds.shape[1], _FARTHEST, dtype=np.float32)
         whole = np.concatenate([box.high, high])
         super().__init__(venv, gymnasium.spaces.Box(-whole, whole, dtype=np.float32))
-        self._cores = [require_contact_env(env) for env in venv.envs]
         self._kinds = kinds
-        self._truth = np.zeros((len(self._cores), 4), dtype=np.float32)
+        self._truth = np.zeros((len(self._cores), size), dtype=np.float32)
 
     def reset(self) -> NDArray[np.float32]:
         """Start an episode in each."""
@@ -60,15 +63,19 @@ class PrivilegedCritic(VecEnvWrapper):
         return self._told(seen), rewards, dones, infos
 
     def _told(self, seen: Any) -> NDArray[np.float32]:
-        self._truth = np.array([_truth(core) for core in self._cores])
+        self._truth = np.array([_truth(c, slips=self._slips) for c in self._cores])
         return np.hstack([seen, self._truth, self._kinds])
 
 
-def _truth(core: ContactEnv) -> NDArray[np.float32]:
+def _truth(core: ContactEnv, *, slips: bool) -> NDArray[np.float32]:
     true, seen = core.fixture, core.tracker.estimate().pose
     turn = theta_about_vertical(true.quat_wxyz, seen.quat_wxyz)
     off = np.append(
         (true.position - seen.position) / POSITION_SCALE, turn / THETA_SCALE
     )
+    if slips:
+        part, still = core.grasp, UNMOVED.quat_wxyz
+        turned = rotation_error(part.quat_wxyz, still) / THETA_SCALE
+        off = np.concatenate([off, part.position / POSITION_SCALE, turned])
     scaled = np.sign(off) * np.log1p(np.abs(off))
     return scaled.clip(-_FARTHEST, _FARTHEST).astype(np.float32)
