@@ -8,6 +8,7 @@ import pytest
 from dovetail.cli import run
 from dovetail.commands.command_line import find_task, parse
 from dovetail.commands.train import Train, given_before
+from dovetail.envs.registered import make
 from dovetail.errors import ConfigError
 from dovetail.learn.config import NOT_COMPARED, TrainConfig
 from dovetail.learn.config_file import (
@@ -19,6 +20,7 @@ from dovetail.learn.config_file import (
 )
 from dovetail.options import option_words
 from dovetail.settings import values_of
+from dovetail.tasks.connector.task import Connector
 
 CHANGED = {
     "steps": 1234,
@@ -177,3 +179,17 @@ def test_a_file_and_options_are_as_if_all_were_options(tmp_path, text, words):
 def test_a_run_that_is_resumed_has_its_own_settings(tmp_path, option, capsys):
     assert run(["train", "--resume", "--out", str(tmp_path), option, "search"]) == 2
     assert "--resume" in capsys.readouterr().err
+
+
+def test_a_task_has_settings_of_its_own_and_what_is_given_goes_before_them(tmp_path):
+    words = ["--env", "dovetail/Connector-v0"]
+    own = Connector.training
+    assert given_before(words) == dict(own)
+    file = tmp_path / "own.toml"
+    file.write_text('env = "dovetail/Connector-v0"\nsteps = 7\n')
+    given = given_before(["--config", str(file)])
+    assert given["steps"] == 7
+    assert given["recall"] == own["recall"]
+    env = make("dovetail/Connector-v0").unwrapped
+    assert env.config.recall == own["recall"]
+    assert make("dovetail/Connector-v0", recall=()).unwrapped.config.recall == ()

@@ -9,6 +9,7 @@ from rich.console import Console
 
 from dovetail.commands.unproven import warn_of_arm
 from dovetail.control.limits import DeclaredErrors
+from dovetail.envs.registered import task_class
 from dovetail.errors import ConfigError
 from dovetail.learn.config import TrainConfig
 from dovetail.learn.config_file import find_recipe, read_settings
@@ -17,6 +18,7 @@ from dovetail.learn.train import TrainResult, train
 from dovetail.options import option_words
 from dovetail.plugins import named_modules
 from dovetail.settings import defaults_of, names_in, settings, values_of
+from dovetail.tasks.shipped import DEFAULT_ENV
 
 
 @settings()
@@ -53,14 +55,15 @@ def given_before(words: list[str]) -> dict[str, Any]:
     """Return the settings that a command line changes.
 
     They are those of the run that it resumes: what else it says is then compared with
-    them. Or those of its recipe and its file.
+    them. Or what the task needs beside the usual settings, then its recipe and its
+    file.
 
     Raises:
         ConfigError: See `read_settings`; or a recipe or a file beside a run.
     """
     parser = argparse.ArgumentParser(add_help=False, allow_abbrev=False)
     parser.add_argument("--resume", action="store_true")
-    for name in ("--out", "--arm", "--recipe", "--config"):
+    for name in ("--out", "--arm", "--recipe", "--config", "--env"):
         parser.add_argument(name, nargs="?")
     found, _ = parser.parse_known_args(words)
     if found.resume and (found.recipe or found.config):
@@ -77,7 +80,8 @@ def given_before(words: list[str]) -> dict[str, Any]:
         given |= read_settings(find_recipe(found.recipe), found.arm)
     if found.config is not None:
         given |= read_settings(Path(found.config), found.arm)
-    return given
+    task = task_class(found.env or given.get("env", DEFAULT_ENV))
+    return {**task.training, **given}
 
 
 def _describe(result: TrainResult, config: TrainConfig) -> str:

@@ -31,6 +31,9 @@ from dovetail.trackers.tracker import Tracker
 from dovetail.workcell.cell_config import CellConfig
 from dovetail.workcell.workcell import Workcell
 
+_OF_TASK = frozenset(names_in(EnvConfig)) - {"max_steps"}
+"""Settings of an environment that a task may need otherwise than usual; Gymnasium
+counts the steps."""
 _MAKE = "dovetail.envs.registered:make_untimed"
 _MAKE_TIMED = "dovetail.envs.registered:make_env"
 _MAKE_BATCH = "dovetail.envs.registered:make_batch"
@@ -136,6 +139,9 @@ def make_env(
     """
     kind = _class(task_class)
     own, rest = split_settings(kind, settings)
+    if config is None:
+        of_env = {n: v for n, v in kind.training.items() if n in _OF_TASK}
+        rest = of_env | rest
     base = config or EnvConfig()
     if isinstance(tracker, str):
         base, tracker = replace(base, tracker=tracker), None

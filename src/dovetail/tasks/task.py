@@ -85,6 +85,9 @@ class Task(ABC):
     trial_poses: ClassVar[tuple[FixturePose, ...]]
     """Poses of the fixture when a policy is tried; a place that a user gives takes the
     facing of the first one."""
+    training: ClassVar[Mapping[str, Any]] = {}
+    """Settings of `dovetail train`, and of its environment, that this task needs beside
+    the usual ones; what is given goes before them."""
     grasp: ClassVar[Grasp] = Grasp()
     """Largest displacement of the held part in the fingers."""
     recording_pose: ClassVar[FixturePose | None] = None

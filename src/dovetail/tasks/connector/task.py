@@ -1,7 +1,8 @@
 """Connector: push a plug, which the fingers hold a little wrong, into its port."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import ClassVar
+from typing import Any, ClassVar
 
 from dovetail.errors import ConfigError
 from dovetail.tasks.connector.geometry import (
@@ -43,6 +44,15 @@ class Connector(DrawnOpening):
 
     done_word: ClassVar[str] = "plugged in"
     """The plug is in the port, deep enough."""
+    training: ClassVar[Mapping[str, Any]] = {
+        "recall": (4, 8, 12, 16),
+        "informed": True,
+        "theta_range": 0.1,
+        "steps": 120_000,
+    }
+    """Where the plug is in the fingers shows in where it has been and met something, so
+    the policy remembers and its critics are told. It turns by a tenth of a radian, no
+    more than the plug may be askew, and learns from more steps than usual."""
     grasp: ClassVar[Grasp] = Grasp(0.002, 0.04)
     """As the grasp of the AI for Industry Challenge."""
     columns: ClassVar[tuple[str, ...]] = (
