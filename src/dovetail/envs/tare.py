@@ -39,6 +39,8 @@ _STIFFNESS = 600.0
 medium, 0.5 on hard."""
 _F_MAX = 12.0
 """Largest f* on the way [m/s2]."""
+_UPWARDS = 0.7
+"""Of a normal's z [1]: above it a fixture opens upwards, tilted or not."""
 _CHANGE_MAX = 2.0
 """Largest change from one round to the next [m/s2]; on twin hard 0.5."""
 
@@ -204,6 +206,9 @@ class ToolTare:
     ) -> Tare:
         """Measure, leading the tool up and away from the fixture first.
 
+        Beside a fixture in a wall up may be towards it: there away is away in height,
+        too.
+
         Args:
             state: What the arm said last; nothing touches the tool.
             fixture: Where not to go.
@@ -219,7 +224,9 @@ class ToolTare:
         """
         start = state.tool.position
         direction = np.where(start >= fixture.position, 1.0, -1.0)
-        direction[2] = 1.0
+        out, surface = near_plane[:3], near_plane[3]
+        if not (out[2] < _UPWARDS and out @ start < surface):
+            direction[2] = 1.0
         end = start + 2.0 * TRAVEL * direction
         direction = np.where((end < walls[0]) | (end > walls[1]), -direction, direction)
         tare = measure_tare(
