@@ -89,7 +89,8 @@ class ContactEnv(
     ## Reward
 
     The task's: usually `-(0.6 L2(x) + 0.4 L1(x) + 0.1 |theta|)` per step, x the tool
-    minus the goal [m] of the fixture's true pose, and 50 on success.
+    minus the goal [m] of the fixture's true pose, and 50 on success. Of a task whose own
+    columns have the tilt, theta is the whole angle between tool and goal.
 
     ## Starting state
 
@@ -196,6 +197,7 @@ class ContactEnv(
             self._walls = tuple(tool.x_min), tuple(tool.x_max)
         self.violations = ViolationCounter(facts.robot, *self._walls)
         self.places_fixture = facts.traits.places_fixture
+        self._is_tilting = "tilt" in own
         self._target = _core.Target()
         size = len(self.commands)
         self._recall = HistoryFeatures(seen.recall, self.scaling, size)
@@ -335,9 +337,8 @@ class ContactEnv(
             info = self._info(raw)
             true, is_done = self._by_truth, info["success"]
             force = info["contact_force_max"]
-            reward = self.task.weigh(
-                true.position_error, true.theta_error, is_done, force
-            )
+            turn = true.angle() if self._is_tilting else true.theta_error
+            reward = self.task.weigh(true.position_error, turn, is_done, force)
             if type(reward) is not float or not math.isfinite(reward):
                 reward = read_reward(self.task, reward)
         except Exception:  # of a task of one's own, too
