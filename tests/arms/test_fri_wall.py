@@ -11,6 +11,9 @@ from dovetail.arms.reset_motion import LIFT, plan_reset
 from dovetail.arms.watchdog import WatchdogConfig
 from dovetail.errors import ArmError
 from dovetail.plants.plant import COLUMN, FLAG_MASK
+from dovetail.poses import Pose, matrix_from_quat
+from dovetail.robots.iiwa14 import iiwa14
+from dovetail.tasks.peg_in_hole.task import PegInHole
 
 from .test_fri_session import HOLE, START, make_arm, push, wait_until
 
@@ -149,6 +152,27 @@ def test_the_way_back_goes_straight_up_out_of_the_hole():
                                atol=1e-4)  # fmt: skip
     assert tips[:, 2].max() > HOLE.position[2] + 0.9 * LIFT
     np.testing.assert_allclose(path[-1], start)
+
+
+@pytest.mark.parametrize("facing", ["up", "robot"])
+def test_out_of_a_fixture_that_does_not_open_upwards_it_goes_along_its_axis(facing):
+    task = PegInHole(facing=facing, tilt=0.2)
+    robot = task.workcell(iiwa14()).loaded_robot()
+    fixture = task.trial_poses[0].pose()
+    axis = matrix_from_quat(fixture.quat_wxyz)[:, 2]
+    goal, posture = task.goal(fixture), robot.posture(task.posture)
+    inserted = robot.inverse_kinematics(Pose(goal.position, goal.quat_wxyz), posture)
+    start = task.draw_start(np.random.default_rng(0), fixture)
+    q_start = robot.inverse_kinematics(start, posture)
+    path = plan_reset(robot, inserted, q_start, fixture)
+    assert np.abs(np.diff(path, axis=0)).max() < 0.05
+    ways = np.array([robot.tool_pose(q).position for q in path]) - fixture.position
+    heights = ways @ axis
+    in_front = int(np.argmax(heights > 0.5 * LIFT))
+    beside = np.linalg.norm(ways - np.outer(heights, axis), axis=1)
+    assert beside[:in_front].max() < 1e-4
+    assert heights[in_front:].max() > 0.9 * LIFT
+    np.testing.assert_allclose(path[-1], q_start)
 
 
 def test_real_time_that_is_refused_is_a_note_and_no_error(no_privileges):

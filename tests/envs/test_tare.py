@@ -10,7 +10,8 @@ from dovetail.envs.tare import SPEED, TRAVEL, measure_tare
 from dovetail.errors import ArmError, ConfigError
 from dovetail.identify.parameters import nominal_model
 from dovetail.plants.plant import COLUMN
-from dovetail.poses import rotation_error
+from dovetail.poses import Pose, rotation_error
+from dovetail.tasks.fixture_pose import FixturePose
 
 from .fake_arm import FakeArm
 
@@ -168,3 +169,20 @@ def test_a_tool_that_something_holds_is_an_error():
 def test_what_cannot_be_measured_is_refused_before_anything_moves(settings, message):
     with pytest.raises(ConfigError, match=message):
         gym.make("dovetail/PegInHole-v0", tare=True, **settings)
+
+
+def test_below_a_block_in_a_wall_it_leads_the_tool_down():
+    core = gym.make("dovetail/PegInHole-v0", facing="robot", tare=True).unwrapped
+    facing = core.task.trial_poses[0].facing
+    fixture = FixturePose.given((0.87, 0.0, 0.40, 0.0), facing).pose()
+    low = float(core.cell.fixture.corners[:, 2].min())
+    half = float(np.abs(core.cell.fixture.corners[:, :2]).max())
+    peg = float(np.abs(core.cell.held.corners[:, :2]).max())
+    beside = np.array([0.87 - 0.5 * low, 0.0, 0.40 - half - peg - 0.004])
+    robot = core.arm.facts.robot
+    q = robot.inverse_kinematics(
+        Pose(beside, core.task.goal(fixture).quat_wxyz), robot.posture("forward")
+    )
+    core.reset(options={"fixture": fixture, "start": q})
+    forces = core.state.log[:, [COLUMN[name] for name in ("fx", "fy", "fz")]]
+    assert np.abs(forces).max() == 0.0

@@ -114,7 +114,7 @@ def test_an_unknown_environment_lists_the_known_ones(name):
 def test_every_environment_setting_is_a_keyword_of_the_environment():
     usual = values_of(EnvConfig()) | {"task": PegInHole.axes}
     given = TrainConfig().env_options()
-    assert set(given) - {"peg", "clearance"} <= set(usual)
+    assert set(given) - {"peg", "clearance", "tilt", "facing"} <= set(usual)
     for name in set(given) & set(usual) - {"tare"}:
         assert given[name] in (usual[name], (usual[name],)), name  # one for X Y Z
 

@@ -17,6 +17,7 @@ from dovetail.tasks.facing import FACINGS, find_facing
 from dovetail.tasks.fixture_pose import FixturePose
 from dovetail.tasks.peg_in_hole.task import PegInHole
 from dovetail.tasks.rail_clip.task import RailClip
+from dovetail.tasks.reward import distance_reward
 from dovetail.tasks.starts import RandomisationConfig, is_clear_of_block
 
 TILT = 0.2
@@ -262,3 +263,23 @@ def test_the_rail_clip_is_as_it_was():
     task = RailClip()
     assert (task.axes, task.columns) == (RailClip.axes, RailClip.columns)
     assert vars(task).get("trial_poses") is None
+
+
+@pytest.mark.parametrize(
+    ("settings", "is_whole"),
+    [
+        ({"tilt": TILT}, True),
+        ({"task": "XYZ:force ABC:pose", "also": ("tilt",)}, False),
+    ],
+)
+def test_the_reward_charges_the_whole_angle_where_the_task_tilts(settings, is_whole):
+    core = make("dovetail/PegInHole-v0", **settings).unwrapped
+    place = FixturePose.given((0.6, 0.0, 0.1, 0.1, TILT, 0.0))
+    core.reset(seed=0, options={"fixture": place.pose()})
+    _, reward, _, _, info = core.step(np.zeros(6, dtype=np.float32))
+    goal = matrix_from_quat(core.task.goal(core.fixture).quat_wxyz)
+    vector = rotation_vector(matrix_from_quat(core.state.tool.quat_wxyz) @ goal.T)
+    turn = np.linalg.norm(vector) if is_whole else info["theta_error"]
+    assert np.linalg.norm(vector) > abs(info["theta_error"]) + 0.01
+    expected = distance_reward(info["position_error"], turn, False, core.task.reward)
+    assert reward == pytest.approx(expected, abs=1e-9)

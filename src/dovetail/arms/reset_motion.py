@@ -10,7 +10,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from dovetail.errors import ArmError, ReachError
-from dovetail.poses import Pose, quat_from_vector, quat_multiply, rotation_error
+from dovetail.poses import (
+    Pose,
+    matrix_from_quat,
+    quat_from_vector,
+    quat_multiply,
+    rotation_error,
+)
 from dovetail.types import Vec3, Vec7
 
 if TYPE_CHECKING:
@@ -21,6 +27,9 @@ TICK = 0.05
 """Time between two targets [s]."""
 LIFT = 0.06
 """Height of the tool over the fixture while it goes across [m]."""
+NEAR = 0.20
+"""Distance beside a fixture that does not open upwards, within which it is left along
+its axis [m]: more than its block and a start's range."""
 SPEED_NEAR = 0.05
 """Speed of the tool on the way up and down [m/s]."""
 TURN_SPEED = 0.3
@@ -86,7 +95,9 @@ def plan_reset(
     """Return joint targets, one for every `TICK`, from q to q_start.
 
     The tool goes straight up to above the fixture and the start, keeping its
-    rotation; across it moves in joint space; down it goes straight to the start.
+    rotation; across it moves in joint space; down it goes straight to the start. Out of
+    a fixture that does not open upwards it goes along its axis first, and to a start
+    beside it along that at last: straight up it would be wedged.
 
     Args:
         robot: The arm, tool included.
@@ -99,17 +110,41 @@ def plan_reset(
         ArmError: The way leads out of the arm's reach.
     """
     here, start = robot.tool_pose(q), robot.tool_pose(q_start)
+    out_here, out_start = _in_front(here, fixture), _in_front(start, fixture)
     safe = float(fixture.position[2]) + LIFT
-    height = max(safe, float(here.position[2]), float(start.position[2]))
+    height = max(safe, float(out_here.position[2]), float(out_start.position[2]))
     height = min(height, z_max)
-    above_here = Pose(_with_height(here.position, height), here.quat_wxyz)
-    above_start = Pose(_with_height(start.position, height), start.quat_wxyz)
-    up = list(_line(robot, q, here, above_here))
-    down = list(_line(robot, q_start, start, above_start))[::-1]
+    up = _way_up(robot, q, here, out_here, height)
+    down = _way_up(robot, q_start, start, out_start, height)[::-1]
     q_up = up[-1] if up else q
     q_down = down[0] if down else q_start
     across = _across(robot, q_up, q_down)
     return [*up, *across, *down[1:], np.asarray(q_start, dtype=float)]
+
+
+def _in_front(tool: Pose, fixture: Pose) -> Pose:
+    """Return the tool's pose in front of a fixture that does not open upwards.
+
+    Where it is as far from the fixture's plane as `LIFT`, or farther beside it than
+    `NEAR`, it stays where it is.
+    """
+    out = matrix_from_quat(fixture.quat_wxyz)[:, 2]
+    if out[2] > 1.0 - _LEVEL:
+        return tool
+    way = tool.position - fixture.position
+    height = float(way @ out)
+    if height >= LIFT or float(np.linalg.norm(way - height * out)) > NEAR:
+        return tool
+    return tool._replace(position=tool.position + (LIFT - height) * out)
+
+
+def _way_up(
+    robot: "Robot", q: Vec7, begin: Pose, front: Pose, height: float
+) -> list[Vec7]:
+    """Return configurations to in front of the fixture, and up from there."""
+    way = list(_line(robot, q, begin, front))
+    above = front._replace(position=_with_height(front.position, height))
+    return [*way, *_line(robot, way[-1] if way else q, front, above)]
 
 
 def _with_height(position: Vec3, height: float) -> Vec3:

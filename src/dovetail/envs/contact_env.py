@@ -43,7 +43,7 @@ from dovetail.poses import UNMOVED, Pose, compose
 from dovetail.robots.find import find_robot
 from dovetail.tasks.grasp import Grasp
 from dovetail.tasks.region import Region, require_region
-from dovetail.tasks.task import Progress, Task
+from dovetail.tasks.task import Goal, Progress, Task
 from dovetail.trackers.find import TrackerContext, find_tracker
 from dovetail.trackers.tracker import Tracker, close_tracker
 from dovetail.types import Array, Vec3, Vec6, Vec7
@@ -99,7 +99,8 @@ class ContactEnv(
     ## Reward
 
     The task's: usually `-(0.6 L2(x) + 0.4 L1(x) + 0.1 |theta|)` per step, x the tool
-    minus the goal [m] of the fixture's true pose, and 50 on success.
+    minus the goal [m] of the fixture's true pose, and 50 on success. Of a task whose own
+    columns have the tilt, theta is the whole angle between tool and goal.
 
     ## Starting state
 
@@ -213,6 +214,7 @@ class ContactEnv(
             self._walls = tuple(tool.x_min), tuple(tool.x_max)
         self.violations = ViolationCounter(facts.robot, *self._walls)
         self.places_fixture = facts.traits.places_fixture
+        self._is_tilting = "tilt" in own
         self._target = _core.Target()
         size = len(self.commands)
         self._recall = HistoryFeatures(seen.recall, self.scaling, size)
@@ -357,7 +359,8 @@ class ContactEnv(
         require_room(q, robot, margin)
         self._start_check.require_free(q, fixture)
         if self._tare is not None:
-            end = self._tare.far_end(start.position, fixture, self._walls)
+            plane = self._near_plane(self.task.goal(fixture))
+            end = self._tare.far_end(start.position, fixture, plane, self._walls)
             q = robot.inverse_kinematics(start._replace(position=end), q)
             require_room(q, robot, margin)
             self._start_check.require_free(q, fixture)
@@ -403,9 +406,8 @@ class ContactEnv(
             info = self._info(raw)
             true, is_done = self._by_truth, info["success"]
             force = info["contact_force_max"]
-            reward = self.task.weigh(
-                true.position_error, true.theta_error, is_done, force
-            )
+            turn = true.angle() if self._is_tilting else true.theta_error
+            reward = self.task.weigh(true.position_error, turn, is_done, force)
             if type(reward) is not float or not math.isfinite(reward):
                 reward = read_reward(self.task, reward)
         except Exception:  # of a task of one's own, too
@@ -506,8 +508,7 @@ class ContactEnv(
             self._seen = seen
             self.believed = Pose(pose.position.copy(), pose.quat_wxyz.copy())
             self._goal = goal = self.task.goal(pose)
-            near = goal.surface + self.config.near_distance
-            self._target.near_plane = np.append(goal.normal, near)
+            self._target.near_plane = self._near_plane(goal)
         goal = self._goal
         if pose is not self.fixture:
             true = self.fixture.position.tobytes(), self.fixture.quat_wxyz.tobytes()
@@ -524,6 +525,10 @@ class ContactEnv(
         tool = state.tool
         part = compose(Pose(tool.position, tool.quat_wxyz), self.grasp)
         return state._replace(tool=ToolState(*part, tool.velocity))
+
+    def _near_plane(self, goal: Goal) -> Array:
+        """Return the plane below which contact is near, as in a Target."""
+        return np.append(goal.normal, goal.surface + self.config.near_distance)
 
     def _info(self, raw: Array) -> dict[str, Any]:
         state, true = self.state, self._by_truth

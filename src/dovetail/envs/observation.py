@@ -44,6 +44,11 @@ class ToolError(NamedTuple):
     theta_error: float
     """Rotation about the vertical minus the goal's [rad]."""
 
+    def angle(self) -> float:
+        """Return the angle between the tool and the goal [rad], about any axis."""
+        turn = rotation_error(self.state.tool.quat_wxyz, self.goal.quat_wxyz)
+        return float(np.linalg.norm(turn))
+
 
 def sight(state: ArmState, goal: Goal) -> ToolError:
     """Compare the tool with a goal."""

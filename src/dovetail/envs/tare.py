@@ -39,6 +39,8 @@ _STIFFNESS = 600.0
 medium, 0.5 on hard."""
 _F_MAX = 12.0
 """Largest f* on the way [m/s2]."""
+_UPWARDS = 0.7
+"""Of a normal's z [1]: above it a fixture opens upwards, tilted or not."""
 _CHANGE_MAX = 2.0
 """Largest change from one round to the next [m/s2]; on twin hard 0.5."""
 
@@ -199,19 +201,24 @@ class ToolTare:
         is_held = np.isin(commands.task.modes, (POSE, HOLD))
         self._stiffness: Vec6 = np.where(is_held, arm.facts.osc.stiffness, 0.0)
 
-    def far_end(self, start: Vec3, fixture: Pose, walls: Walls) -> Vec3:
+    def far_end(
+        self, start: Vec3, fixture: Pose, near_plane: Array, walls: Walls
+    ) -> Vec3:
         """Return the point [m] to which the tool is led, and back.
 
         Args:
             start: Where the tool is [m].
             fixture: Where not to go.
+            near_plane: The plane near contact, as in a Target, shape (4,).
             walls: Lower and upper walls of the TCP [m].
         """
         is_led = np.isin(np.arange(3), self._axes)
-        way = TRAVEL * self._direction(start, fixture, walls)
+        way = TRAVEL * self._direction(start, fixture, near_plane, walls)
         return start + np.where(is_led, way, 0.0)
 
-    def _direction(self, start: Vec3, fixture: Pose, walls: Walls) -> Vec3:
+    def _direction(
+        self, start: Vec3, fixture: Pose, near_plane: Array, walls: Walls
+    ) -> Vec3:
         """Return where to go first along x y z: away from fixture and walls.
 
         The limits hold the tool their margin before a wall. There a way would be cut,
@@ -219,7 +226,9 @@ class ToolTare:
         """
         margin = self._arm.facts.limits.delta_x
         direction = np.where(start >= fixture.position, 1.0, -1.0)
-        direction[2] = 1.0
+        out, surface = near_plane[:3], near_plane[3]
+        if not (out[2] < _UPWARDS and out @ start < surface):
+            direction[2] = 1.0
         end = start + 2.0 * TRAVEL * direction
         low, high = np.array(walls[0]) + margin, np.array(walls[1]) - margin
         return np.where((end < low) | (end > high), -direction, direction)
@@ -228,6 +237,9 @@ class ToolTare:
         self, state: ArmState, fixture: Pose, near_plane: Array, walls: Walls
     ) -> Tare:
         """Measure, leading the tool up and away from the fixture first.
+
+        Beside a fixture in a wall up may be towards it: there away is away in height,
+        too.
 
         Args:
             state: What the arm said last; nothing touches the tool.
@@ -242,7 +254,8 @@ class ToolTare:
         Raises:
             ArmError: Something is in the way.
         """
-        direction = self._direction(state.tool.position, fixture, walls)
+        start = state.tool.position
+        direction = self._direction(start, fixture, near_plane, walls)
         tare = measure_tare(
             self._arm, state, self._axes, self._stiffness, direction, near_plane
         )

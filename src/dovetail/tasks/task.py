@@ -175,7 +175,8 @@ class Task(ABC):
         Args:
             position_error: TCP minus the goal of the fixture's true pose [m], shape
                 (3,).
-            theta_error: Rotation about the vertical minus the goal's [rad].
+            theta_error: Rotation about the vertical minus the goal's [rad]; if `tilt`
+                is among the task's columns, the whole angle between the two.
             success: True if the task is done in this step.
             force: Largest contact force of the step [N].
         """
