@@ -56,19 +56,21 @@ def section(part, z):
         low, high = corners[:, 2].min(), corners[:, 2].max()
         if not low < z < high:
             continue
-        below, above = (corners[np.isclose(corners[:, 2], end)] for end in (low, high))
+        below, above = corners[corners[:, 2] < z], corners[corners[:, 2] > z]
         if below.shape == above.shape:  # a prism: no rounding of what is between
-            above = below
-        share = (z - low) / (high - low) if above is not below else 0.0
-        cut = (1 - share) * below[:, None] + share * above[None]
-        areas.append(shapely.MultiPoint(cut.reshape(-1, 3)[:, :2]).convex_hull)
+            cut = below
+        else:
+            below, above = below[:, None], above[None]
+            share = (z - below[..., 2:]) / (above[..., 2:] - below[..., 2:])
+            cut = (below + share * (above - below)).reshape(-1, 3)
+        areas.append(shapely.MultiPoint(cut[:, :2]).convex_hull)
     return shapely.union_all(areas, grid_size=1e-10)
 
 
 def edges(line):
-    """Yield the ends of a line's edges; rounding makes some of no length at corners."""
+    """Yield the ends of a line's edges; rounding makes short ones at corners."""
     for a, b in pairwise(np.array(line.coords)):
-        if np.linalg.norm(b - a) > 1e-6:
+        if np.linalg.norm(b - a) > 5e-4:
             yield a, b
 
 

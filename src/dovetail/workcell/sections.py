@@ -44,7 +44,7 @@ def convex_pieces(outline: Outline) -> list[Array]:
     Raises:
         MissingDependencyError: shapely is not installed.
     """
-    if not outline.holes and _is_convex(outline.outer):
+    if not outline.holes and is_convex(outline.outer):
         return [outline.outer]
     shapely = import_shapely()
     area = shapely.Polygon(outline.outer, outline.holes)
@@ -68,7 +68,7 @@ def _merge(points: Array, triangles: Any) -> list[Array]:
     for a, b in sorted(shared, key=lambda edge: (-lengths[edge], edge)):
         one, other = owner[a, b], owner[b, a]
         joined = [*_from(pieces[one], b), *_from(pieces[other], a)[1:-1]]
-        if one == other or not _is_convex(points[joined]):
+        if one == other or not is_convex(points[joined]):
             continue
         pieces[one] = joined
         del pieces[other]
@@ -86,7 +86,7 @@ def _from(piece: list[int], first: int) -> list[int]:
     return piece[at:] + piece[:at]
 
 
-def _is_convex(line: Array) -> bool:
+def is_convex(line: Array) -> bool:
     """Say whether no corner of a counter-clockwise line is a dent."""
     before, after = np.roll(line, 1, axis=0), np.roll(line, -1, axis=0)
     chord = after - before
