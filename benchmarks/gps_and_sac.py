@@ -27,9 +27,9 @@ from dovetail.envs.registered import register_task
 from dovetail.files import write_atomic
 from dovetail.learn.config import TrainConfig
 from dovetail.learn.progress import EpisodeRow
+from dovetail.tasks.peg_in_hole.starts import RandomisationConfig
 from dovetail.tasks.peg_in_hole.task import PegInHole
 from dovetail.tasks.shipped import DEFAULT_ENV
-from dovetail.tasks.starts import RandomisationConfig
 
 TRIES, ENOUGH, PORTION = 40, 38, 8
 NEAR = RandomisationConfig(start_xy=0.03, start_z=(0.02, 0.06), start_yaw=0.1)

@@ -9,7 +9,7 @@ from dovetail.errors import ReachError
 from dovetail.plants.mujoco_plant import MujocoPlant
 from dovetail.poses import Pose, quat_from_vector, quat_multiply
 from dovetail.robots.robot import Robot
-from dovetail.tasks.starts import (
+from dovetail.tasks.peg_in_hole.starts import (
     RandomisationConfig,
     sample_hole,
     sample_start,

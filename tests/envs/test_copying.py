@@ -10,9 +10,9 @@ import pytest
 from dovetail.envs.registered import make_env
 from dovetail.errors import ConfigError
 from dovetail.evaluation.perturbation import Perturbation, make_perturbed
+from dovetail.tasks.peg_in_hole.starts import RandomisationConfig
 from dovetail.tasks.peg_in_hole.task import PegInHole
 from dovetail.tasks.rail_clip.task import RailClip
-from dovetail.tasks.starts import RandomisationConfig
 from dovetail.trackers.covered import Covered
 
 ID = "dovetail/PegInHole-v0"

@@ -22,13 +22,13 @@ from dovetail.poses import (
 )
 from dovetail.robots.iiwa14 import iiwa14
 from dovetail.settings import ranges_of
-from dovetail.tasks.reward import RewardConfig, distance_reward
-from dovetail.tasks.starts import (
+from dovetail.tasks.peg_in_hole.starts import (
     RandomisationConfig,
     is_clear_of_block,
     sample_hole,
     sample_start,
 )
+from dovetail.tasks.reward import RewardConfig, distance_reward
 from dovetail.trackers.truth import Truth
 
 

@@ -13,8 +13,8 @@ from dovetail.envs.violations import count_bad_input
 from dovetail.errors import ConfigError, MissingDependencyError
 from dovetail.plants.plant import CYCLE_COLUMNS
 from dovetail.poses import Pose, quat_about_z
+from dovetail.tasks.peg_in_hole.starts import RandomisationConfig, tool_down
 from dovetail.tasks.peg_in_hole.task import PegInHole
-from dovetail.tasks.starts import RandomisationConfig, tool_down
 from extras import need
 
 from .fake_arm import FakeArm

@@ -107,7 +107,7 @@ def test_a_part_that_cannot_be_held_or_inserted_is_refused(change, words):
 
 def pair(held, opening, z=-20):
     fixture = [
-        {"outline": "square 60", "holes": [opening], "z": [z, 0]},
+        {"outline": "square 60", "cutouts": [opening], "z": [z, 0]},
         {"outline": "square 60", "z": [z - 5, z]},
     ]
     return json.dumps(

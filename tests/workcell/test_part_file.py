@@ -34,7 +34,7 @@ LISTED = {
     },
     "fixture": {
         "shapes": [
-            {"outline": "square 60", "holes": ["circle 10.4"], "z": [-15, 0]},
+            {"outline": "square 60", "cutouts": ["circle 10.4"], "z": [-15, 0]},
             {"outline": "square 60", "z": [-20, -15]},
         ]
     },
@@ -158,7 +158,7 @@ def test_a_blind_socket_has_a_floor_and_a_through_one_none():
 
 
 def test_a_plug_with_a_hole_goes_over_a_pin():
-    pair = pair_of(SHORT | {"holes": ["circle 8"]})
+    pair = pair_of(SHORT | {"cutouts": ["circle 8"]})
     solid = section(pair.make_fixture(0.0), -0.010)
     assert plug_of(pair).distance(solid) == pytest.approx(0.0003, abs=1e-6)
     pin = min(solid.geoms, key=lambda area: area.area)
@@ -215,7 +215,7 @@ PAIR = 'units = "mm"\nheld = "one.toml"\nfixture = "two.toml"\ngap = 0.2\n'
 TWO = """units = "cm"
 [[shapes]]
 outline = "square 4"
-holes = ["hexagon 1.04"]
+cutouts = ["hexagon 1.04"]
 z = [-1, 0]
 """
 
@@ -281,8 +281,8 @@ def listed(part, **change):
         (SHORT | {"block": 20}, "block is 20 mm; the socket in it needs at least"),
         (SHORT | {"outline": [[0, 0], [1, 1], [1, 0], [0, 1]]}, "crosses itself"),
         (SHORT | {"outline": None}, "give a word"),
-        (SHORT | {"holes": "circle 3"}, "give a list"),
-        (SHORT | {"holes": ["circle 30"]}, "inside and apart"),
+        (SHORT | {"cutouts": "circle 3"}, "give a list"),
+        (SHORT | {"cutouts": ["circle 30"]}, "inside and apart"),
         (SHORT | {"name": "x" * 200}, "name is"),
         (SHORT | {"name": "\x1b[2J"}, "name is"),
         ({k: v for k, v in SHORT.items() if k != "gap"}, "gap is missing"),

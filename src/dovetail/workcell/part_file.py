@@ -64,8 +64,8 @@ class ShortForm:
 
     outline: Any
     """Outline of the plug seen from above, see `read_outline`."""
-    holes: Any = ()
-    """Outlines of its holes, each of which goes around a pin of the socket."""
+    cutouts: Any = ()
+    """Outlines of its cutouts, each of which goes around a pin of the socket."""
     depth: Annotated[float, Range(0.002, 0.060, "m")]
     """Depth of the socket [m]."""
     gap: Annotated[float, _GAP]
@@ -166,7 +166,7 @@ class Gap:
 
 @settings(owner="part")
 class OnePart:
-    """What a part has beside its shapes."""
+    """Facts of a part beside its shapes."""
 
     density: Annotated[float, _DENSITY] = 2700.0
     """Density [kg/m3]; counted for each shape, also where they overlap."""
@@ -260,7 +260,7 @@ def _in_tool(
 
 
 def _short_pair(name: str, form: ShortForm, unit: float) -> Pair:
-    plug = read_outline("outline", form.outline, unit, form.holes)
+    plug = read_outline("outline", form.outline, unit, form.cutouts)
     top = form.length - form.depth
     held = _in_tool(
         "plug", extrude("plug", plug, -form.depth, top), form.depth, form.density
@@ -304,8 +304,8 @@ def _socket(form: ShortForm, plug: Outline, widened: float) -> Part:
         if chamfer:
             pieces += extrude("mouth", Outline(square, (wide,)), -chamfer, 0.0)
             pieces += _slopes(mouth.outer, wide, chamfer)
-    for index, hole in enumerate(mouth.holes):
-        pieces += extrude(f"pin_{index}", Outline(hole), -depth, 0.0)
+    for index, cutout in enumerate(mouth.cutouts):
+        pieces += extrude(f"pin_{index}", Outline(cutout), -depth, 0.0)
     if not form.through:
         at = np.array([0.0, 0.0, -depth - form.floor / 2.0])
         size = (half, half, form.floor / 2.0)

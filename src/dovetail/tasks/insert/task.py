@@ -1,6 +1,5 @@
 """Insert a part that a file describes into its fixture, straight down."""
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
@@ -14,12 +13,8 @@ from dovetail.poses import TOOL_DOWN, Pose
 from dovetail.robots.robot import GRAVITY
 from dovetail.tasks.fixture_pose import FixturePose
 from dovetail.tasks.insert.overlap import deepest_overlap
+from dovetail.tasks.insert.starts import InsertStarts, draw_fixture, draw_start
 from dovetail.tasks.opening import IntoOpening
-from dovetail.tasks.starts import (
-    RandomisationConfig,
-    sample_hole,
-    sample_start,
-)
 from dovetail.tasks.task import Outline
 from dovetail.types import Vec3
 from dovetail.workcell.part_file import Pair, read_pair
@@ -45,7 +40,7 @@ BELOW_MAX = 0.075
 
 
 class _Facts(NamedTuple):
-    """What a pair asks of tool and starts."""
+    """Facts of a pair for tool and starts."""
 
     pair: Pair
     """The pair."""
@@ -53,7 +48,7 @@ class _Facts(NamedTuple):
     """Length of the held part [m]."""
     grip: float
     """Width between the fingers [m]."""
-    starts: RandomisationConfig
+    starts: InsertStarts
     """Usual ranges of starts and fixtures."""
 
 
@@ -73,8 +68,8 @@ class Insert(IntoOpening):
     task, and a policy, hold the content."""
     clearance: float = field(init=False)
     """Gap on each side [m]: the file's."""
-    randomisation: RandomisationConfig = field(init=False)
-    """Ranges of starts and fixtures: the peg's, free of this fixture."""
+    randomisation: InsertStarts = field(init=False)
+    """Ranges of starts and fixtures: the usual ones, free of this fixture."""
 
     trial_poses: ClassVar[tuple[FixturePose, ...]] = (
         FixturePose("A", 0.56, -0.045, 0.085, -0.15),
@@ -122,12 +117,11 @@ class Insert(IntoOpening):
 
     def draw_fixture(self, rng: np.random.Generator) -> Pose:
         """Draw the true pose of the mouth for an episode."""
-        return sample_hole(rng, self.randomisation)
+        return draw_fixture(rng, self.randomisation)
 
     def draw_start(self, rng: np.random.Generator, fixture: Pose) -> Pose:
         """Draw the tool's start pose for an episode."""
-        yaw = 2.0 * math.atan2(fixture.quat_wxyz[3], fixture.quat_wxyz[0])
-        return sample_start(rng, fixture, yaw, self.randomisation)
+        return draw_start(rng, fixture, self.randomisation)
 
     def depths(self) -> tuple[float, float]:
         """Return how deep the opening is, and which depth is done [m]."""
@@ -215,12 +209,9 @@ def _require_held(pair: Pair, length: float, grip: float, top: float) -> None:
             )
 
 
-def _starts(pair: Pair, fixture: Part, top: float) -> RandomisationConfig:
-    """Return the peg's starts, in free air about this fixture."""
-    usual = RandomisationConfig()
-    return replace(
-        usual,
-        block_half=float(np.abs(fixture.corners[:, :2]).max()),
-        peg_radius=float(np.hypot(*pair.held.corners[:, :2].T).max()),
-        gap=usual.gap + top,
-    )
+def _starts(pair: Pair, fixture: Part, top: float) -> InsertStarts:
+    """Return the usual starts, in free air about this fixture."""
+    usual = InsertStarts()
+    radius = float(np.hypot(*pair.held.corners[:, :2].T).max())
+    reach = float(np.abs(fixture.corners[:, :2]).max()) + radius
+    return replace(usual, apart=reach + usual.free, free=usual.free + top)

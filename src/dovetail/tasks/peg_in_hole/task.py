@@ -15,7 +15,7 @@ from dovetail.tasks.peg_in_hole.geometry import (
     PegShape,
     hole_outline,
 )
-from dovetail.tasks.starts import (
+from dovetail.tasks.peg_in_hole.starts import (
     RandomisationConfig,
     sample_hole,
     sample_start,
