@@ -1,6 +1,7 @@
 """Inserting a part that a file describes; what its policy carries."""
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -187,3 +188,14 @@ def test_bullet_refuses_outlines_and_takes_boxes_and_cylinders():
 
     with pytest.raises(ConfigError, match="1 mm margin"):
         BulletPlant(find_cell(ENV))
+
+
+PAGE = EXAMPLES.parent / "docs" / "your-own-part.md"
+BLOCKS = re.findall(r"```toml\n(.*?)```", PAGE.read_text(), re.S)
+
+
+@pytest.mark.parametrize("block", BLOCKS, ids=range(len(BLOCKS)))
+def test_a_file_in_the_docs_is_built(block, tmp_path):
+    (tmp_path / "part.toml").write_text(block)
+    assert len(Insert(part=str(tmp_path / "part.toml")).fixture(0.0).primitives) > 1
+    assert len(BLOCKS) == 2

@@ -22,7 +22,7 @@ class InsertStarts:
     aside: float = 0.12
     """Half range of the start beside the mouth, along world x and y [m]."""
     height: tuple[float, float] = (-0.03, 0.12)
-    """Range of its height over the mouth [m]: also lower than the fixture, beside it."""
+    """Range of its height over the mouth [m]: also beside the fixture, and lower."""
     turn: float = 0.2
     """Half range of its turn against the fixture [rad]."""
     apart: float = 0.05
