@@ -20,7 +20,9 @@ def looking_at(point: np.ndarray, away: np.ndarray) -> Pose:
     z = -away / np.linalg.norm(away)
     x = np.cross(z, [0.0, 0.0, 1.0])
     x /= np.linalg.norm(x)
-    return Pose(point + away, quat_from_matrix(np.stack([x, np.cross(z, x), z], axis=1)))
+    return Pose(
+        point + away, quat_from_matrix(np.stack([x, np.cross(z, x), z], axis=1))
+    )
 
 
 def main(file: Path) -> None:
@@ -29,11 +31,11 @@ def main(file: Path) -> None:
     for name in NAMES:
         cell = find_cell("dovetail/Insert-v0", part=str(ROOT / f"examples/{name}.toml"))
         fixture = Pose(np.array([0.6, 0.0, 0.1]), np.array([1.0, 0.0, 0.0, 0.0]))
-        tip = Pose(fixture.position + [0.0, 0.0, 0.045], tool_down(0.0))
+        tip = Pose(fixture.position + np.array([0.0, 0.0, 0.045]), tool_down(0.0))
         robot = cell.loaded_robot()
         q = robot.inverse_kinematics(tip, robot.posture("down"))
         camera = looking_at(
-            fixture.position + [0.0, 0.0, 0.03], np.array([-0.1, -0.22, 0.24])
+            fixture.position + np.array([0.0, 0.0, 0.03]), np.array([-0.1, -0.22, 0.24])
         )
         renderer = Renderer(cell, width=SIDE, height=SIDE, samples=4)
         view = CameraView(camera, (-0.25, 0.25, -0.25, 0.25))
