@@ -32,7 +32,7 @@ from dovetail.tasks.shipped import DEFAULT_ENV
 from dovetail.tasks.starts import RandomisationConfig
 
 TRIES, ENOUGH, PORTION = 40, 38, 8
-NEAR = RandomisationConfig(start_xy=0.03, start_z=(0.02, 0.06), start_yaw=0.1)
+NEAR = RandomisationConfig(aside=0.03, height=(0.02, 0.06), turn=0.1)
 """The small region of starts."""
 
 

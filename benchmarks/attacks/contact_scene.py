@@ -11,7 +11,7 @@ from dovetail.poses import Pose, quat_from_vector, quat_multiply
 from dovetail.robots.robot import Robot
 from dovetail.tasks.starts import (
     RandomisationConfig,
-    sample_hole,
+    sample_fixture,
     sample_start,
     tool_down,
 )
@@ -50,7 +50,7 @@ def make_start(rng: np.random.Generator, plant: MujocoPlant, choices: Choices) -
     """Draw a start; the plant is left there, at rest, and touches nothing hard."""
     robot = plant.robot
     for draw in range(2 * DRAWS):
-        hole = sample_hole(rng, RandomisationConfig())
+        hole = sample_fixture(rng, RandomisationConfig())
         # A peg that leans as far as this clearance allows may not fit as it is built.
         lean = min(1.0, 2.0 - draw / DRAWS)
         tilt = (lean * choices.tilt[0], lean * choices.tilt[1])

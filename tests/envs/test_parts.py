@@ -25,8 +25,8 @@ from dovetail.settings import ranges_of
 from dovetail.tasks.reward import RewardConfig, distance_reward
 from dovetail.tasks.starts import (
     RandomisationConfig,
-    is_clear_of_block,
-    sample_hole,
+    is_clear,
+    sample_fixture,
     sample_start,
 )
 from dovetail.trackers.truth import Truth
@@ -154,14 +154,14 @@ def test_holes_and_starts_fill_their_ranges_and_stay_inside():
     config = RandomisationConfig()
     holes, offsets, turns, below = [], [], [], 0
     for _ in range(3000):
-        hole = sample_hole(rng, config)
+        hole = sample_fixture(rng, config)
         yaw = theta_about_vertical(hole.quat_wxyz, np.array([1.0, 0.0, 0.0, 0.0]))
         start = sample_start(rng, hole, yaw, config)
         offset = start.position - hole.position
         holes.append([*hole.position, yaw])
         offsets.append(offset)
         turns.append(theta_about_vertical(start.quat_wxyz, tool_down(yaw)))
-        assert is_clear_of_block(offset, hole.quat_wxyz, config)
+        assert is_clear(offset, hole.quat_wxyz, config)
         below += offset[2] < 0.0
     centre, half = [0.60, 0.0, 0.10, 0.0], [0.05, 0.05, 0.02, 0.3]
     np.testing.assert_allclose(np.min(holes, 0), np.subtract(centre, half), atol=2e-3)
@@ -174,20 +174,18 @@ def test_holes_and_starts_fill_their_ranges_and_stay_inside():
 
 def test_below_the_surface_only_what_lies_beside_the_turned_block_is_free():
     config = RandomisationConfig()
-    assert is_clear_of_block(np.array([0.0, 0.0, 0.005]), quat_about_z(0.3), config)
-    assert not is_clear_of_block(np.array([0.0, 0.0, 0.004]), quat_about_z(0.3), config)
-    assert is_clear_of_block(np.array([0.08, 0.0, -0.02]), quat_about_z(0.0), config)
-    assert not is_clear_of_block(
-        np.array([0.07, 0.0, -0.02]), quat_about_z(0.0), config
-    )
+    assert is_clear(np.array([0.0, 0.0, 0.005]), quat_about_z(0.3), config)
+    assert not is_clear(np.array([0.0, 0.0, 0.004]), quat_about_z(0.3), config)
+    assert is_clear(np.array([0.08, 0.0, -0.02]), quat_about_z(0.0), config)
+    assert not is_clear(np.array([0.07, 0.0, -0.02]), quat_about_z(0.0), config)
     corner = matrix_from_quat(quat_about_z(0.3)) @ np.array([0.075, 0.075, -0.02])
-    assert not is_clear_of_block(corner, quat_about_z(0.3), config)
+    assert not is_clear(corner, quat_about_z(0.3), config)
 
 
 def test_ranges_without_a_free_start_are_an_error():
-    config = RandomisationConfig(start_xy=0.01, start_z=(-0.03, 0.0))
+    config = RandomisationConfig(aside=0.01, height=(-0.03, 0.0))
     rng = np.random.default_rng(0)
-    hole = sample_hole(rng, config)
+    hole = sample_fixture(rng, config)
     with pytest.raises(ConfigError, match="no start in free air"):
         sample_start(rng, hole, 0.0, config)
 
@@ -196,7 +194,7 @@ def test_the_true_hole_is_never_late():
     tracker = Truth()
     with pytest.raises(RuntimeError, match="call reset"):
         tracker.estimate()
-    hole = sample_hole(np.random.default_rng(0), RandomisationConfig())
+    hole = sample_fixture(np.random.default_rng(0), RandomisationConfig())
     tracker.reset(hole, 0)
     assert tracker.estimate() == (hole, 0.0, None)
 

@@ -248,10 +248,10 @@ def test_what_is_seen_on_a_twin_is_what_the_joints_measure():
 def test_the_walls_hold_every_start_and_hole(real):
     limits = real.arm.facts.limits
     config = real.task.randomisation
-    centre = np.asarray(config.hole_centre)
-    reach = np.asarray(config.hole_range)
-    low = centre - reach + [-config.start_xy, -config.start_xy, -0.030]
-    high = centre + reach + [config.start_xy, config.start_xy, config.start_z[1]]
+    centre = np.asarray(config.middle)
+    reach = np.asarray(config.half_range)
+    low = centre - reach + [-config.aside, -config.aside, -0.030]
+    high = centre + reach + [config.aside, config.aside, config.height[1]]
     margin = limits.delta_x
     assert (low - margin > limits.x_min).all()
     assert (high + margin < limits.x_max).all()
@@ -328,7 +328,7 @@ def test_an_arm_that_cannot_move_the_hole_must_be_told_where_it_is():
         env.reset(seed=0)
     env.reset(seed=0, options={"fixture": HOLE})
     np.testing.assert_array_equal(arm.hole.position, HOLE.position)
-    fixed = RandomisationConfig(hole_range=(0.0, 0.0, 0.0), hole_yaw=0.0)
+    fixed = RandomisationConfig(half_range=(0.0, 0.0, 0.0), yaw=0.0)
     env = make_env(PegInHole, arm, randomisation=fixed)
     env.reset(seed=0)
 

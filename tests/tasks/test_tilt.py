@@ -18,7 +18,7 @@ from dovetail.tasks.fixture_pose import FixturePose
 from dovetail.tasks.peg_in_hole.task import PegInHole
 from dovetail.tasks.rail_clip.task import RailClip
 from dovetail.tasks.reward import distance_reward
-from dovetail.tasks.starts import RandomisationConfig, is_clear_of_block
+from dovetail.tasks.starts import RandomisationConfig, is_clear
 
 TILT = 0.2
 PLACES = ((0.0, TILT, 0.0), (0.3, 0.0, -TILT), (-0.2, 0.15, 0.1))
@@ -126,7 +126,7 @@ def test_a_fixture_that_does_not_tilt_draws_as_it_did():
 def test_beside_a_tilted_block_the_whole_end_of_the_peg_is_in_free_air():
     config, rng = RandomisationConfig(), np.random.default_rng(0)
     angles = np.linspace(0.0, 2.0 * np.pi, 16)
-    circle = config.peg_radius * np.stack(
+    circle = config.held_radius * np.stack(
         [np.cos(angles), np.sin(angles), 0.0 * angles], axis=1
     )
     up = 0.05 * np.linspace(0.0, 1.0, 6)
@@ -135,11 +135,11 @@ def test_beside_a_tilted_block_the_whole_end_of_the_peg_is_in_free_air():
         turns = (rng.uniform(-0.3, 0.3), *rng.uniform(-TILT, TILT, 2))
         fixture = placed(turns)
         offset = rng.uniform([-0.12, -0.12, -0.03], [0.12, 0.12, 0.03])
-        if not is_clear_of_block(offset, fixture.quat_wxyz, config):
+        if not is_clear(offset, fixture.quat_wxyz, config):
             continue
         for height in up:
             ends = (offset + circle + [0.0, 0.0, height]) @ kuka(*turns)
-            inside = (np.abs(ends[:, :2]).max(axis=1) < config.block_half) & (
+            inside = (np.abs(ends[:, :2]).max(axis=1) < config.fixture_half) & (
                 ends[:, 2] < 0.0
             )
             assert not inside.any()

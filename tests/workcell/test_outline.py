@@ -13,8 +13,8 @@ MM = 1e-3
 KEYED = [[-8, -5], [8, -5], [8, 5], [2, 5], [2, 7], [-2, 7], [-2, 5], [-8, 5]]
 
 
-def read(value, holes=()):
-    return read_outline("outline", value, MM, holes)
+def read(value, cutouts=()):
+    return read_outline("outline", value, MM, cutouts)
 
 
 @pytest.mark.parametrize(
@@ -75,7 +75,7 @@ def test_svg_commands_draw_what_the_specification_says():
 def test_further_lines_of_a_path_are_holes():
     need("shapely")
     outline = read("M 0 0 H 10 V 10 H 0 Z M 3 3 H 6 V 6 H 3 Z")
-    (hole,) = outline.holes
+    (hole,) = outline.cutouts
     assert signed_area(hole) == pytest.approx(9e-6)
 
 
@@ -103,7 +103,7 @@ def test_convex_pieces_are_convex_and_fill_the_area_without_overlap(value, rng):
     square = 0.02 * np.array([[-1.0, -1], [1, -1], [1, 1], [-1, 1]])
     for outline in (hole, Outline(square, (hole.outer,))):
         pieces = convex_pieces(outline)
-        area = shapely.Polygon(outline.outer, outline.holes)
+        area = shapely.Polygon(outline.outer, outline.cutouts)
         assert sum(map(signed_area, pieces)) == pytest.approx(area.area, rel=1e-12)
         for piece in map(shapely.Polygon, pieces):
             assert piece.convex_hull.area == pytest.approx(piece.area, rel=1e-9)

@@ -14,9 +14,9 @@ from dovetail.tasks.fixture_pose import UPRIGHT, FixturePose, turned
 from dovetail.tasks.opening import IntoOpening
 from dovetail.tasks.region import Region
 from dovetail.tasks.starts import (
-    HoleRangeConfig,
+    FixtureRangeConfig,
     RandomisationConfig,
-    sample_hole,
+    sample_fixture,
     sample_start,
 )
 from dovetail.types import Vec3
@@ -64,7 +64,7 @@ class DrawnOpening(IntoOpening):
     )
     """Poses of the fixture when a policy is tried: x, y, z and theta all differ."""
     trial_region: ClassVar[Region | None] = Region.about(
-        _USUAL.hole_centre, _USUAL.hole_range, _USUAL.hole_yaw
+        _USUAL.middle, _USUAL.half_range, _USUAL.yaw
     )
     """The region from which a training draws fixtures on a table."""
     recording_pose: ClassVar[FixturePose | None] = FixturePose(
@@ -83,8 +83,8 @@ class DrawnOpening(IntoOpening):
         object.__setattr__(self, "tilt", tilt)
         if tilt > 0.0 or self.facing != "up":
             self._let_turn(self._way)
-        ranges, usual = self.randomisation, HoleRangeConfig()
-        there = {"hole_centre": self._way.middle, "hole_range": self._way.half_range}
+        ranges, usual = self.randomisation, FixtureRangeConfig()
+        there = {"middle": self._way.middle, "half_range": self._way.half_range}
         if all(vars(ranges)[name] == vars(usual)[name] for name in there):
             object.__setattr__(self, "randomisation", replace(ranges, **there))
 
@@ -112,16 +112,16 @@ class DrawnOpening(IntoOpening):
         x, y, z = region.half.tolist()
         ranges = replace(
             self.randomisation,
-            hole_centre=tuple(region.middle.tolist()),
-            hole_range=(x, y, z),
-            hole_yaw=region.half_yaw,
+            middle=tuple(region.middle.tolist()),
+            half_range=(x, y, z),
+            yaw=region.half_yaw,
         )
         return region.turned(self._draw_fixture(rng, ranges))
 
     def _draw_fixture(
         self, rng: np.random.Generator, ranges: RandomisationConfig
     ) -> Pose:
-        upright = sample_hole(rng, ranges)
+        upright = sample_fixture(rng, ranges)
         if self.tilt > 0.0:
             tilt = turned(UPRIGHT, 0.0, *rng.uniform(-self.tilt, self.tilt, 2))
             upright = upright._replace(quat_wxyz=quat_multiply(upright.quat_wxyz, tilt))
@@ -142,7 +142,7 @@ class DrawnOpening(IntoOpening):
 
     def has_fixed_fixture(self) -> bool:
         """Return True if every fixture that is drawn is the same."""
-        return self.randomisation.is_hole_fixed and not self.tilt
+        return self.randomisation.is_fixed and not self.tilt
 
     def zero_offset(self) -> Vec3:
         """Return the mouth from the goal [m]: there millimetres decide."""

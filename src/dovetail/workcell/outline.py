@@ -11,12 +11,13 @@ import numpy as np
 
 from dovetail.errors import ConfigError
 from dovetail.types import Array
+from dovetail.workcell.planar import why_invalid
 from dovetail.workcell.svg_path import is_path, read_path
 
 CURVE = 3e-5
 """Largest distance of a curve from the corners that stand for it [m]."""
 MAX_CORNERS = 1000
-"""Most corners of an outline, with its holes."""
+"""Most corners of an outline, with its cutouts."""
 REGULAR = {"triangle": 3, "square": 4, "pentagon": 5, "hexagon": 6, "octagon": 8}
 """Regular outlines that have a name, and how many sides."""
 _OTHERS = {
@@ -38,17 +39,17 @@ class Outline(NamedTuple):
 
     outer: Array
     """Corners around it, counter-clockwise, shape (corners, 2)."""
-    holes: tuple[Array, ...] = ()
+    cutouts: tuple[Array, ...] = ()
     """Corners around what is left out, counter-clockwise."""
 
     def offset(self, distance: float) -> "Outline":
-        """Return it with every edge moved outwards, holes made smaller [m].
+        """Return it with every edge moved outwards, cutouts made smaller [m].
 
         Raises:
             ConfigError: An edge vanishes; says where.
         """
-        holes = tuple(offset_line(hole, -distance) for hole in self.holes)
-        return Outline(offset_line(self.outer, distance), holes)
+        cutouts = tuple(offset_line(cutout, -distance) for cutout in self.cutouts)
+        return Outline(offset_line(self.outer, distance), cutouts)
 
     def mirrored(self) -> "Outline":
         """Return it seen from the other side, turned about x."""
@@ -56,29 +57,29 @@ class Outline(NamedTuple):
 
 
 def _each(outline: Outline, change: Any) -> tuple[Array, tuple[Array, ...]]:
-    return change(outline.outer), tuple(change(hole) for hole in outline.holes)
+    return change(outline.outer), tuple(change(cutout) for cutout in outline.cutouts)
 
 
-def read_outline(name: str, value: Any, unit: float, holes: Any = ()) -> Outline:
+def read_outline(name: str, value: Any, unit: float, cutouts: Any = ()) -> Outline:
     """Return an outline as a part's file has it.
 
     Args:
         name: What it is the outline of, for messages.
         value: "hexagon 12" (across flats), "circle 12", "rectangle 20 10"; an SVG path,
-            whose further lines are holes; or a list of points [x, y].
+            whose further lines are cutouts; or a list of points [x, y].
         unit: Of its numbers [m].
-        holes: Outlines of what is left out, each written in the same way.
+        cutouts: Outlines of what is left out, each written in the same way.
 
     Raises:
         ConfigError: It is none of these, has no area or crosses itself; says where.
     """
     outer, *inner = _read_lines(name, value, unit)
-    if not isinstance(holes, list | tuple):
-        raise ConfigError(f"holes of {name} are {_brief(holes)}; give a list")
-    for index, hole in enumerate(holes):
-        line, *more = _read_lines(f"hole {index} of {name}", hole, unit)
+    if not isinstance(cutouts, list | tuple):
+        raise ConfigError(f"cutouts of {name} are {_brief(cutouts)}; give a list")
+    for index, cutout in enumerate(cutouts):
+        line, *more = _read_lines(f"cutout {index} of {name}", cutout, unit)
         if more:
-            raise ConfigError(f"hole {index} of {name} has a hole; give each alone")
+            raise ConfigError(f"cutout {index} of {name} has a cutout; give each alone")
         inner.append(line)
     if (count := len(outer) + sum(map(len, inner))) > MAX_CORNERS:
         raise ConfigError(f"{name} has {count} corners; allowed: up to {MAX_CORNERS}")
@@ -87,13 +88,11 @@ def read_outline(name: str, value: Any, unit: float, holes: Any = ()) -> Outline
 
 
 def _require_apart(name: str, lines: list[Array]) -> None:
-    """Refuse holes that meet one another or the outline."""
+    """Refuse cutouts that meet one another or the outline."""
     if len(lines) == 1:
         return
-    from dovetail.workcell.sections import why_invalid
-
-    if why := why_invalid(Outline(lines[0], tuple(lines[1:]))):
-        raise ConfigError(f"holes of {name} must lie inside and apart: {why}")
+    if why := why_invalid(lines[0], lines[1:]):
+        raise ConfigError(f"cutouts of {name} must lie inside and apart: {why}")
 
 
 def _read_lines(name: str, value: Any, unit: float) -> list[Array]:

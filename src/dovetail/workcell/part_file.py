@@ -19,6 +19,7 @@ from dovetail.types import Array
 from dovetail.workcell.outline import Outline, offset_line, read_outline
 from dovetail.workcell.part_text import BOTH, UNITS, read_name
 from dovetail.workcell.parts import Part, Primitive
+from dovetail.workcell.sections import is_convex
 from dovetail.workcell.shapes import (
     Shape,
     extrude,
@@ -63,8 +64,8 @@ class ShortForm:
 
     outline: Any
     """Outline of the plug seen from above, see `read_outline`."""
-    holes: Any = ()
-    """Outlines of its holes, each of which goes around a pin of the socket."""
+    cutouts: Any = ()
+    """Outlines of its cutouts, each of which goes around a pin of the socket."""
     depth: Annotated[float, Range(0.002, 0.060, "m")]
     """Depth of the socket [m]."""
     gap: Annotated[float, _GAP]
@@ -165,7 +166,7 @@ class Gap:
 
 @settings(owner="part")
 class OnePart:
-    """What a part has beside its shapes."""
+    """Facts of a part beside its shapes."""
 
     density: Annotated[float, _DENSITY] = 2700.0
     """Density [kg/m3]; counted for each shape, also where they overlap."""
@@ -259,7 +260,7 @@ def _in_tool(
 
 
 def _short_pair(name: str, form: ShortForm, unit: float) -> Pair:
-    plug = read_outline("outline", form.outline, unit, form.holes)
+    plug = read_outline("outline", form.outline, unit, form.cutouts)
     top = form.length - form.depth
     held = _in_tool(
         "plug", extrude("plug", plug, -form.depth, top), form.depth, form.density
@@ -295,18 +296,57 @@ def _socket(form: ShortForm, plug: Outline, widened: float) -> Part:
         )
     square = half * np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
     wide = offset_line(mouth.outer, chamfer) if chamfer else mouth.outer
-    ring = Outline(square, (mouth.outer,))
-    pieces = extrude("socket", ring, -depth, -chamfer)
-    if chamfer:
-        pieces += extrude("mouth", Outline(square, (wide,)), -chamfer, 0.0)
-        pieces += _slopes(mouth.outer, wide, chamfer)
-    for index, hole in enumerate(mouth.holes):
-        pieces += extrude(f"pin_{index}", Outline(hole), -depth, 0.0)
+    if is_convex(mouth.outer):
+        pieces = _sectors(mouth.outer, wide, (depth, chamfer), half)
+    else:
+        ring = Outline(square, (mouth.outer,))
+        pieces = extrude("socket", ring, -depth, -chamfer)
+        if chamfer:
+            pieces += extrude("mouth", Outline(square, (wide,)), -chamfer, 0.0)
+            pieces += _slopes(mouth.outer, wide, chamfer)
+    for index, cutout in enumerate(mouth.cutouts):
+        pieces += extrude(f"pin_{index}", Outline(cutout), -depth, 0.0)
     if not form.through:
         at = np.array([0.0, 0.0, -depth - form.floor / 2.0])
         size = (half, half, form.floor / 2.0)
         pieces.append(Primitive("floor", "box", size, at))
     return _limited("socket", pieces)
+
+
+def _sectors(
+    near: Array, far: Array, depths: tuple[float, float], half: float
+) -> list[Primitive]:
+    """Return what lies outside each edge of a convex opening, up to the block's sides.
+
+    Between two edges the pieces meet in the corner's bisector, on which a chamfer's
+    corners lie, too. So a piece has wall and slope, and there is one for each edge.
+
+    Args:
+        near: Corners of the opening [m].
+        far: Those of its mouth, wider by the chamfer [m].
+        depths: Of the opening, and of the chamfer [m].
+        half: Half side of the block [m].
+    """
+    depth, chamfer = depths
+    out = offset_line(near, 1.0) - near
+    distances = (half * np.sign(out) - near) / np.where(out == 0.0, np.inf, out)
+    distances[out == 0.0] = np.inf
+    ends = near + distances.min(axis=1, keepdims=True) * out
+    angles = np.arctan2(ends[:, 1], ends[:, 0])
+    pieces = []
+    for i in range(len(near)):
+        j = (i + 1) % len(near)
+        span = (angles[j] - angles[i]) % (2.0 * np.pi)
+        rim = [ends[i], ends[j]]
+        for x, y in ((1, 1), (-1, 1), (-1, -1), (1, -1)):
+            if (np.arctan2(y, x) - angles[i]) % (2.0 * np.pi) < span:
+                rim.append(half * np.array([x, y]))
+        levels = [(near, -depth), (near, -chamfer)][: 2 if chamfer else 1]
+        corners = [np.insert(line[[i, j]], 2, z, axis=1) for line, z in levels]
+        corners.append(np.insert(far[[i, j]], 2, 0.0, axis=1))
+        corners += [np.insert(np.array(rim), 2, z, axis=1) for z in (-depth, 0.0)]
+        pieces.append(hull_of(f"socket_{i}", np.vstack(corners)))
+    return pieces
 
 
 def _slopes(near: Array, far: Array, height: float) -> list[Primitive]:

@@ -97,7 +97,7 @@ def _read(path: Path, above: tuple[Path, ...]) -> dict[str, Any]:
             value=str(path),
         ) from error
     except (OSError, RuntimeError, ValueError) as error:  # a loop of links, a NUL
-        reason = getattr(error, "strerror", None) or error
+        reason = error.strerror if isinstance(error, OSError) else error
         raise ConfigError(f"cannot read the part {str(path)!r}: {reason}") from error
     if here in above or len(above) >= _DEEPEST:
         chain = " -> ".join(one.name for one in (*above, here))

@@ -4,36 +4,12 @@ from typing import Any
 
 import numpy as np
 
-from dovetail.errors import MissingDependencyError, install_command
 from dovetail.types import Array
 from dovetail.workcell.outline import Outline
+from dovetail.workcell.planar import import_shapely
 
 _DENT = 1e-10
 """Largest depth of a dent that a convex piece fills [m]."""
-
-
-def import_shapely() -> Any:
-    """Return the module shapely.
-
-    Raises:
-        MissingDependencyError: It is not installed.
-    """
-    try:
-        import shapely
-    except ImportError as error:
-        raise MissingDependencyError(
-            f"outlines need shapely, which is not installed: {install_command('parts')}"
-        ) from error
-    return shapely
-
-
-def why_invalid(outline: Outline) -> str:
-    """Return why an outline's lines meet one another; empty if they do not."""
-    shapely = import_shapely()
-    area = shapely.Polygon(outline.outer, outline.holes)
-    if shapely.is_valid(area):
-        return ""
-    return str(shapely.is_valid_reason(area)).lower()
 
 
 def convex_pieces(outline: Outline) -> list[Array]:
@@ -44,10 +20,10 @@ def convex_pieces(outline: Outline) -> list[Array]:
     Raises:
         MissingDependencyError: shapely is not installed.
     """
-    if not outline.holes and _is_convex(outline.outer):
+    if not outline.cutouts and is_convex(outline.outer):
         return [outline.outer]
     shapely = import_shapely()
-    area = shapely.Polygon(outline.outer, outline.holes)
+    area = shapely.Polygon(outline.outer, outline.cutouts)
     found = shapely.constrained_delaunay_triangles(area)
     triangles = shapely.get_coordinates(shapely.get_parts(found)).reshape(-1, 4, 2)
     flat = triangles[:, :3].reshape(-1, 2)
@@ -68,7 +44,7 @@ def _merge(points: Array, triangles: Any) -> list[Array]:
     for a, b in sorted(shared, key=lambda edge: (-lengths[edge], edge)):
         one, other = owner[a, b], owner[b, a]
         joined = [*_from(pieces[one], b), *_from(pieces[other], a)[1:-1]]
-        if one == other or not _is_convex(points[joined]):
+        if one == other or not is_convex(points[joined]):
             continue
         pieces[one] = joined
         del pieces[other]
@@ -86,8 +62,8 @@ def _from(piece: list[int], first: int) -> list[int]:
     return piece[at:] + piece[:at]
 
 
-def _is_convex(line: Array) -> bool:
-    """Say whether no corner of a counter-clockwise line is a dent."""
+def is_convex(line: Array) -> bool:
+    """Return True if no corner of a counter-clockwise line is a dent."""
     before, after = np.roll(line, 1, axis=0), np.roll(line, -1, axis=0)
     chord = after - before
     out = line - before

@@ -27,7 +27,7 @@ class Shape:
 
     outline: Any = None
     """See `read_outline`; circle, square and rectangle become cylinder and box."""
-    holes: Any = ()
+    cutouts: Any = ()
     """Outlines of what is left out."""
     z: tuple[Annotated[float, _LENGTH], Annotated[float, _LENGTH]] | None = None
     """Lowest and highest height of the outline."""
@@ -116,14 +116,14 @@ def primitives(
     turn = quat_about_z(np.radians(shape.turn_deg)) if shape.turn_deg else IDENTITY
     low, high = shape.z
     place = np.array([*shape.at, (low + high) / 2.0])
-    outline = read_outline(f"outline of {name}", shape.outline, unit, shape.holes)
+    outline = read_outline(f"outline of {name}", shape.outline, unit, shape.cutouts)
     radius = float(np.linalg.norm(outline.outer[0])) - thinner_by
     outline = outline.offset(-thinner_by) if thinner_by else outline
     word = shape.outline.split()[0] if isinstance(shape.outline, str) else ""
     half = (high - low) / 2.0
-    if word == "circle" and not shape.holes:
+    if word == "circle" and not shape.cutouts:
         yield Primitive(f"{name}_0", "cylinder", (radius, half), place, turn)
-    elif word in _RECTANGLES and not shape.holes:
+    elif word in _RECTANGLES and not shape.cutouts:
         x, y = outline.outer.max(axis=0).tolist()
         yield Primitive(f"{name}_0", "box", (x, y, half), place, turn)
     else:

@@ -21,7 +21,7 @@ from dovetail.tasks.starts import RandomisationConfig
 from dovetail.workcell.parts import Part
 from dovetail.workcell.tool import Tool, wsg50
 
-STARTS = RandomisationConfig(start_xy=0.06, start_z=(0.02, 0.08))
+STARTS = RandomisationConfig(aside=0.06, height=(0.02, 0.08))
 """Over the port, as after a look from above."""
 
 

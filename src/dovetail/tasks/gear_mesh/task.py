@@ -18,7 +18,7 @@ from dovetail.tasks.starts import RandomisationConfig
 from dovetail.workcell.parts import Part
 from dovetail.workcell.tool import Tool, wsg50
 
-STARTS = RandomisationConfig(start_xy=0.08, start_z=(0.01, 0.10))
+STARTS = RandomisationConfig(aside=0.08, height=(0.01, 0.10))
 """Above both gears, and turned by up to 0.2 rad, more than half a tooth."""
 
 

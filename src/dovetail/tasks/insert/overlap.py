@@ -16,7 +16,7 @@ class Overlap(NamedTuple):
     other: str
     """Name of the second part's."""
     depth: float
-    """How deep they are in one another [m]."""
+    """Depth of one in the other [m]."""
 
 
 def deepest_overlap(one: Part, other: Part, place: Pose) -> Overlap | None:

@@ -13,9 +13,7 @@ from dovetail.poses import TOOL_DOWN, Pose
 from dovetail.robots.robot import GRAVITY
 from dovetail.tasks.drawn_opening import DrawnOpening
 from dovetail.tasks.insert.overlap import deepest_overlap
-from dovetail.tasks.starts import (
-    RandomisationConfig,
-)
+from dovetail.tasks.starts import RandomisationConfig
 from dovetail.tasks.task import Outline
 from dovetail.workcell.part_file import Pair, read_pair
 from dovetail.workcell.part_text import require_whole, whole_part
@@ -40,7 +38,7 @@ BELOW_MAX = 0.075
 
 
 class _Facts(NamedTuple):
-    """What a pair asks of tool and starts."""
+    """Facts of a pair for tool and starts."""
 
     pair: Pair
     """The pair."""
@@ -67,7 +65,7 @@ class Insert(DrawnOpening):
     clearance: float = field(init=False)
     """Gap on each side [m]: the file's."""
     randomisation: RandomisationConfig = field(init=False)
-    """Ranges of starts and fixtures: the peg's, free of this fixture."""
+    """Ranges of starts and fixtures: the usual ones, free of this fixture."""
 
     def __post_init__(self) -> None:
         """Read the part, and refuse one that cannot be held or inserted."""
@@ -187,11 +185,11 @@ def _require_held(pair: Pair, length: float, grip: float, top: float) -> None:
 
 
 def _starts(pair: Pair, fixture: Part, top: float) -> RandomisationConfig:
-    """Return the peg's starts, in free air about this fixture."""
+    """Return the usual starts, in free air about this fixture."""
     usual = RandomisationConfig()
     return replace(
         usual,
-        block_half=float(np.abs(fixture.corners[:, :2]).max()),
-        peg_radius=float(np.hypot(*pair.held.corners[:, :2].T).max()),
+        fixture_half=float(np.abs(fixture.corners[:, :2]).max()),
+        held_radius=float(np.hypot(*pair.held.corners[:, :2].T).max()),
         gap=usual.gap + top,
     )

@@ -66,8 +66,8 @@ class PegInHole(DrawnOpening):
     @classmethod
     def low_starts(cls) -> dict[str, Any]:
         """Return the settings with which the peg starts beside the block."""
-        low, _ = RandomisationConfig().start_z
-        return {"randomisation": RandomisationConfig(start_z=(low, 0.0))}
+        low, _ = RandomisationConfig().height
+        return {"randomisation": RandomisationConfig(height=(low, 0.0))}
 
     def describe(self) -> list[str]:
         """Return peg and clearance in words."""

@@ -1,0 +1,201 @@
+"""Inserting a part that a file describes; what its policy carries."""
+
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from dovetail.commands.command_line import find_task, parse
+from dovetail.commands.train import Train
+from dovetail.envs.registered import find_cell, make, make_task
+from dovetail.errors import ConfigError, PolicyError
+from dovetail.learn.config import TrainConfig
+from dovetail.learn.policy_env import policy_settings
+from dovetail.poses import Pose, matrix_from_quat
+from dovetail.tasks.insert.task import HEXAGON, LENGTH_MAX, PAYLOAD_MAX, Insert
+from dovetail.tasks.peg_in_hole.task import PegInHole
+
+pytest.importorskip("shapely")
+EXAMPLES = Path(__file__).parent.parent.parent / "examples"
+ENV = "dovetail/Insert-v0"
+KEYED = str(EXAMPLES / "keyed_plug.toml")
+
+
+def changed(**change):
+    return json.dumps(json.loads(HEXAGON) | change)
+
+
+def test_the_task_holds_the_files_content_and_not_its_path():
+    task = Insert(part=KEYED)
+    assert task.part.startswith("{")
+    assert ".toml" not in task.part
+    assert Insert(part=task.part).part == task.part
+    assert task.gap() == pytest.approx(0.0004)
+    assert task.depths() == pytest.approx((0.020, 0.018))
+    assert task.describe()[0] == "keyed_plug"
+
+
+@pytest.mark.parametrize("name", ["hexagon", "d_shaft", "keyed_plug"])
+def test_what_is_held_stands_in_the_fixture_when_the_task_is_done(name):
+    task = Insert(part=str(EXAMPLES / f"{name}.toml"))
+    fixture = task.trial_poses[0].pose()
+    goal = task.goal(fixture)
+    R = matrix_from_quat(goal.quat_wxyz)
+    held = task.held().corners @ R.T + goal.position
+    T = matrix_from_quat(fixture.quat_wxyz)
+    seen = (held - fixture.position) @ T
+    depth, _ = task.depths()
+    assert seen[:, 2].min() == pytest.approx(-depth)
+    opening = task.outline().opening
+    assert opening[:, 0].max() - seen[:, 0].max() == pytest.approx(task.gap(), abs=2e-4)
+    # The key points the same way in the fixture and in the hand.
+    assert seen[:, 1].max() == pytest.approx(opening[:, 1].max() - task.gap(), abs=2e-4)
+    assert seen[:, 1].min() == pytest.approx(opening[:, 1].min() + task.gap(), abs=2e-4)
+
+
+def test_starts_are_clear_of_the_fixture(rng):
+    task = Insert(part=KEYED)
+    cell = find_cell(ENV, part=KEYED)
+    low = 0
+    for _ in range(200):
+        fixture = task.draw_fixture(rng)
+        start = task.draw_start(rng, fixture)
+        assert cell.is_free(start.position, fixture, 0.0)
+        low += start.position[2] < fixture.position[2]
+    assert low > 10
+
+
+@pytest.mark.parametrize("shift", [0.0, 0.02])
+def test_a_straight_push_goes_in_over_the_mouth_and_not_beside_it(shift):
+    env = make(ENV, part=KEYED, max_steps=60)
+    core = env.unwrapped
+
+    def above(rng, fixture):
+        goal = core.task.goal(fixture)
+        beside = matrix_from_quat(fixture.quat_wxyz) @ [shift, 0.0, 0.02]
+        return Pose(fixture.position + beside, goal.quat_wxyz)
+
+    object.__setattr__(core.task, "draw_start", above)
+    env.reset(seed=1)
+    ended, info, forces = False, {}, []
+    while not ended:
+        *_, done, cut, info = env.step(np.array([0.0, 0.0, -0.5, 0.0]))
+        ended = done or cut
+        forces.append(info["contact_force_max"])
+    env.close()
+    assert info["success"] == (shift == 0.0)
+    assert max(forces) < 100.0  # of the impact; the peg's is the same
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"density": 22000}, r"held part is .* kg; a WSG 50 holds 0 to 0\.4077 kg"),
+        ({"outline": "hexagon 59", "density": 9000}, "kg; a WSG 50"),
+        ({"length": 35}, "35 mm long; a WSG 50 holds 40 to 110 mm"),
+        ({"outline": "rectangle 111 5", "density": 100}, "111 mm wide"),
+        ({"length": 200}, "length is 0.2 m"),
+        ({"gap": -0.3}, "gap is -0.0003 m"),
+        ({"outline": "hexagon 20 mm"}, "without a unit"),
+    ],
+)
+def test_a_part_that_cannot_be_held_or_inserted_is_refused(change, words):
+    with pytest.raises(ConfigError, match=words):
+        Insert(part=changed(**change))
+
+
+def pair(held, opening, z=-20):
+    fixture = [
+        {"outline": "square 60", "cutouts": [opening], "z": [z, 0]},
+        {"outline": "square 60", "z": [z - 5, z]},
+    ]
+    return json.dumps(
+        {
+            "units": "mm",
+            "gap": 0.2,
+            "held": {"shapes": [{"outline": held, "z": [-20, 50]}]},
+            "fixture": {"shapes": fixture},
+        }
+    )
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (pair("hexagon 20", "hexagon 19"), "held_0_0' is 0.5.* mm inside .*fixture_0"),
+        (pair("circle 20", "circle 19.9"), "mm inside the fixture's 'fixture_0"),
+        (pair("hexagon 20", "hexagon 20.4", z=-19.9), "is 0.100 mm inside .*fixture_1"),
+        (pair("hexagon 20", "hexagon 20.4", z=-80), "85 mm below its mouth"),
+    ],
+)
+def test_parts_that_overlap_in_the_end_are_refused(text, words):
+    with pytest.raises(ConfigError, match=words):
+        Insert(part=text)
+
+
+def test_parts_that_touch_in_the_end_are_fine():
+    assert Insert(part=pair("hexagon 20", "hexagon 20")).gap() == 0.0002
+
+
+def test_limits_of_the_gripper_are_those_of_its_data():
+    assert pytest.approx(80.0 * 0.1 / 2.0 / 9.81) == PAYLOAD_MAX
+    assert LENGTH_MAX == 0.110
+
+
+def test_a_training_carries_the_part_and_a_policys_file_names_none():
+    given = {"part": KEYED}
+    config = TrainConfig(env=ENV, task_options=given)
+    carried = config.policy_env()["part"]
+    assert json.loads(carried)["outline"][4] == [3, 10]
+    settings = policy_settings({"env_id": ENV, "env": {"part": carried}})
+    assert make_task(ENV, settings | {"axes": None}).part == carried
+
+
+@pytest.mark.parametrize(
+    "part",
+    [
+        KEYED,
+        "/dev/zero",
+        "",
+        3,
+        '{"units": "mm"',
+        '{"units": "mm", "outline": "hexagon 20", "depth": 1e999}',
+        '{"held": "/etc/passwd", "units": "mm"}',
+        "{" + " " * 1_000_001 + "}",
+    ],
+)
+def test_a_strangers_policy_reads_no_file_and_is_not_believed(part):
+    metadata = {"env_id": ENV, "env": {"part": part}}
+    with pytest.raises((PolicyError, ConfigError)):
+        make_task(ENV, policy_settings(metadata))
+
+
+def test_part_on_a_command_line_chooses_the_task():
+    words = ["--part", KEYED]
+    assert find_task(words) is Insert
+    assert find_task(["--env", "dovetail/PegInHole-v0"]) is PegInHole
+    given = parse(Train, words)
+    assert given.env == ENV
+    assert json.loads(given.task_options["part"])["name"] == "keyed_plug"
+    assert parse(Train, ["--env", ENV, f"--part={KEYED}"]).env == ENV
+
+
+def test_bullet_refuses_outlines_and_takes_boxes_and_cylinders():
+    pytest.importorskip("pybullet")
+    from dovetail.plants.bullet_plant import BulletPlant
+
+    with pytest.raises(ConfigError, match="1 mm margin"):
+        BulletPlant(find_cell(ENV))
+
+
+PAGE = EXAMPLES.parent / "docs" / "your-own-part.md"
+BLOCKS = re.findall(r"```toml\n(.*?)```", PAGE.read_text(), re.S)
+
+
+@pytest.mark.parametrize("block", BLOCKS, ids=range(len(BLOCKS)))
+def test_a_file_in_the_docs_is_built(block, tmp_path):
+    (tmp_path / "part.toml").write_text(block)
+    assert len(Insert(part=str(tmp_path / "part.toml")).fixture(0.0).primitives) > 1
+    assert len(BLOCKS) == 2
