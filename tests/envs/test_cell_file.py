@@ -25,7 +25,13 @@ from dovetail.learn.policy_env import make_policy_env, policy_settings
 from dovetail.plants.find import make_plant
 from dovetail.plants.plant import COLUMN, FLAG_MASK
 from dovetail.plants.twin import load_twin
-from dovetail.poses import Pose, quat_about_z
+from dovetail.poses import (
+    Pose,
+    quat_about_z,
+    quat_from_matrix,
+    rotation_error,
+    tool_down,
+)
 from dovetail.rpc.offered_arm import OfferedArm
 from dovetail.tasks.fixture_pose import FixturePose
 from dovetail.tasks.peg_in_hole.task import PegInHole
@@ -82,14 +88,18 @@ def test_the_table_stands_where_the_file_says_in_each_engine(engine):
     )
     for cell, top in ((None, 0.0), (raised, 0.12)):
         plant = make_plant(engine, find_cell(cell=cell))
-        robot = plant.robot
-        aside = np.array([0.55, 0.15, top - 0.001])  # 1 mm in the table
-        q = robot.inverse_kinematics(
-            Pose(aside, np.array([0.0, 1.0, 0.0, 0.0])), robot.posture("down")
-        )
+        robot, chain = plant.robot, plant.robot.chain()
+        aside = Pose(np.array([0.55, 0.15, top + 0.003]), tool_down(0.0))
+        q = robot.inverse_kinematics(aside, robot.posture("down"))
         plant.reset(q, Pose(np.array([0.6, -0.1, top + 0.1]), quat_about_z(0.0)))
-        plant.apply(np.zeros(7), 0.005)
-        assert plant.contact_force()[2] > 1.0
+        for _ in range(100):
+            q, dq = plant.read()
+            position, rotation = chain.pose(q)[:2]
+            pull = 1000.0 * (aside.position - position - np.array([0.0, 0.0, 0.02]))
+            turn = 60.0 * rotation_error(aside.quat_wxyz, quat_from_matrix(rotation))
+            plant.apply(chain.jacobian(q).T @ [*pull, *turn] - 10.0 * dq, 0.005)
+        assert plant.tool_pose().position[2] == pytest.approx(top, abs=5e-4)
+        assert plant.contact_force()[2] > 5.0
         plant.close()
 
 
@@ -107,7 +117,8 @@ class Own(PegInHole):
 
     def draw_start(self, rng, fixture):
         start = super().draw_start(rng, fixture)
-        return start._replace(position=start.position + [0.0, rng.choice([0, 1.0]), 0])
+        aside = np.array([0.0, rng.choice([0.0, 1.0]), 0.0])
+        return start._replace(position=start.position + aside)
 
 
 def test_the_region_is_drawn_from_for_a_task_of_ones_own_too(cell):
@@ -126,9 +137,9 @@ def test_a_start_that_cannot_be_ends_no_evaluation(cell, tmp_path):
         def draw_start(self, rng, fixture):
             start = PegInHole.draw_start(self, rng, fixture)
             far = 1.0 if fixture.position[0] < 0.52 else 0.0  # one of three places
-            return start._replace(position=start.position + [0.0, far, 0.0])
+            aside = np.array([0.0, far, 0.0])
+            return start._replace(position=start.position + aside)
 
-    vars(Behind)  # the class is this test's alone
     Behind.trial_poses = PegInHole.trial_poses
     Behind.trial_region = PegInHole.trial_region
     register_task("CellBehind-v0", Behind)
@@ -162,13 +173,13 @@ def test_a_fixture_before_which_no_start_can_be_is_drawn_again():
         start_high=(0.48, 0.2, 0.28),
     )
     env = make(PEG, cell=cell)
-    at = [
-        env.reset(seed=seed)[0] is not None and env.unwrapped.fixture.position[0]
-        for seed in range(12)
-    ]
+    at = []
+    for seed in range(12):
+        env.reset(seed=seed)
+        at.append(env.unwrapped.fixture.position[0])
     assert max(at) < 0.48 + 0.12
+    far = Pose(np.array([0.72, 0.0, 0.1]), quat_about_z(0.0))
     with pytest.raises(StartError):
-        far = Pose(np.array([0.72, 0.0, 0.1]), quat_about_z(0.0))
         env.reset(options={"fixture": far})
     env.close()
 

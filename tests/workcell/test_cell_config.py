@@ -1,7 +1,10 @@
 """A cell file: what it gives is the cell's, what it leaves out is the task's own."""
 
 import math
+import re
+import tomllib
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import ClassVar
 
 import numpy as np
@@ -10,6 +13,7 @@ import pytest
 from dovetail.envs.registered import find_cell, make_env
 from dovetail.errors import ConfigError
 from dovetail.robots.iiwa14 import iiwa14
+from dovetail.settings import names_in
 from dovetail.tasks.peg_in_hole.task import PegInHole
 from dovetail.tasks.rail_clip.task import RailClip
 from dovetail.tasks.region import Region, usual_fixture
@@ -263,3 +267,16 @@ def test_an_unreadable_file_is_named(content, words, tmp_path):
     assert str(file) in str(error.value)
     with pytest.raises(ConfigError, match="no cell file"):
         load_cell(tmp_path / "missing.toml")
+
+
+def test_the_page_has_the_example_and_every_key():
+    root = Path(__file__).parents[2]
+    page = (root / "docs" / "your-own-cell.md").read_text()
+    (block,) = re.findall(r"```toml\n(.*?)```", page, re.S)
+    example = load_cell(root / "examples" / "cell.toml")
+    assert cell_of(tomllib.loads(block)) == example
+    rows = re.findall(r"^\| (`.*?) \|", page, re.M)
+    assert {name for row in rows for name in re.findall(r"`(\w+)`", row)} == set(
+        names_in(CellConfig)
+    )
+    find_cell(cell=example)
