@@ -268,12 +268,15 @@ def test_a_service_of_another_cell_is_refused_with_both(cell):
     need("grpc")
     from dovetail.rpc.server import ArmServer
 
-    with ArmServer(
-        OfferedArm(parse_address("mujoco"), find_cell()), "127.0.0.1:0"
-    ) as s:
+    walls = replace(cell, tool=None, tool_length=None, tool_mass=None)
+    offered = OfferedArm(parse_address("mujoco"), find_cell())
+    with ArmServer(offered, "127.0.0.1:0") as server:
+        with pytest.raises(ConfigError, match="tool"):
+            make(PEG, arm=server.url, cell=cell)  # by the arm's masses
         with pytest.raises(ConfigError) as error:
-            make(PEG, arm=s.url, cell=cell)
-        assert cell.describe() in str(error.value)
+            make(PEG, arm=server.url, cell=walls)
+    assert walls.describe() in str(error.value)
+    assert repr(find_cell().name) in str(error.value)
 
 
 def test_a_cabinet_of_another_cell_is_refused_with_both(cell):
