@@ -83,7 +83,8 @@ class Region(NamedTuple):
         """
         position = self.middle + rng.uniform(-self.half, self.half)
         yaw = self.middle_yaw + rng.uniform(-self.half_yaw, self.half_yaw)
-        return FixturePose("drawn", *position.tolist(), yaw, facing).pose()
+        x, y, z = position.tolist()
+        return FixturePose("drawn", x, y, z, yaw, facing).pose()
 
     def turned(self, pose: Pose) -> Pose:
         """Return a pose that was drawn about turn 0, turned by the middle turn."""
@@ -98,7 +99,8 @@ class Region(NamedTuple):
         for at, old, new, was, now in zip(place[1:5], *middles, *halves, strict=True):
             share = 0.0 if was < 1e-12 else (at - old) / was
             spots.append(float(new + np.clip(share, -1.0, 1.0) * now))
-        return FixturePose(place.name, *spots, place.facing)
+        x, y, z, yaw = spots
+        return FixturePose(place.name, x, y, z, yaw, place.facing)
 
     def corners(self, facing: tuple[float, ...]) -> list[Pose]:
         """Return the poses at its corners, at both ends of the turn."""
