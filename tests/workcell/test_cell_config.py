@@ -16,7 +16,7 @@ from dovetail.robots.iiwa14 import iiwa14
 from dovetail.settings import names_in
 from dovetail.tasks.peg_in_hole.task import PegInHole
 from dovetail.tasks.rail_clip.task import RailClip
-from dovetail.tasks.region import Region, usual_fixture
+from dovetail.tasks.region import Region
 from dovetail.workcell.cell_config import CellConfig, cell_of, load_cell
 from dovetail.workcell.tool import Tool
 
@@ -122,7 +122,7 @@ def test_a_region_of_one_place_is_one_place():
     region = Region.of(cell)
     assert region.is_one_place
     assert {p[1:5] for p in PegInHole.trial_poses_in(cell)} == {(0.55, 0.0, 0.1, 0.4)}
-    np.testing.assert_allclose(usual_fixture(cell).position, [0.55, 0.0, 0.1])
+    np.testing.assert_allclose(find_cell(cell=cell).place.position, [0.55, 0.0, 0.1])
     assert len(region.corners((1.0, 0.0, 0.0, 0.0))) == 1
 
 
