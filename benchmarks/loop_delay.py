@@ -12,7 +12,7 @@ from dovetail.arms.local_arm import LocalArm
 from dovetail.control.task_spec import TaskSpec
 from dovetail.doctor.diagnosis import diagnose_arm
 from dovetail.doctor.excitation import excitation_gains, simulated_step
-from dovetail.doctor.simulated_arm import FIXTURE, START
+from dovetail.doctor.simulated_arm import above_fixture
 from dovetail.envs.arm_setup import build_local_arm
 from dovetail.envs.config import EnvConfig
 from dovetail.envs.registered import find_cell
@@ -25,16 +25,17 @@ DELAYS = (0.0, 0.002, 0.005, 0.008, 0.010, 0.015)
 def measure(twin: str, period: float, delay: float, seed: int) -> tuple[float, float]:
     """Return the simulated and the measured delay [s]."""
     config = replace(load_twin(twin), command_delay=delay, seed=seed)
+    cell = find_cell()
     arm = build_local_arm(
-        find_cell(),
+        cell,
         TaskSpec.parse("XYZABC:hold"),
         EnvConfig(twin=config, period=period, force_damping=0.0),
     )
     osc, limits = excitation_gains(arm.facts.osc, arm.facts.limits)
     robot = arm.facts.robot
     held = LocalArm(arm.plant, robot, osc, limits, arm.facts.task, period)
-    q = robot.inverse_kinematics(START, robot.posture("rest"))
-    held.reset(q, FIXTURE)
+    q = robot.inverse_kinematics(above_fixture(cell), robot.posture("rest"))
+    held.reset(q, cell.place)
     step = simulated_step(period)
     found = diagnose_arm(held, q, integration_step=step, seed=seed)
     held.close()

@@ -55,6 +55,9 @@ def test_a_command_in_the_docs_is_understood(line, tmp_path, monkeypatch, capsys
         Path(name).touch()
     shutil.copy(ROOT / "examples" / "06_ring_over_post.py", "ring_over_post.py")
     shutil.copy(ROOT / "examples" / "hexagon.toml", "hexagon.toml")
+    Path("examples").mkdir()
+    for name in ("cell.toml", "examples/cell.toml"):
+        shutil.copy(ROOT / "examples" / "cell.toml", name)
     Path("my_arm.py").write_text(program("your-own-robot"))
     name, *words = shlex.split(line, comments=True)[1:]
     assert name in COMMANDS

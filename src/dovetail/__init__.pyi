@@ -77,11 +77,14 @@ from .search.corner import CornerSearch as CornerSearch
 from .tasks.fixture_pose import FixturePose as FixturePose
 from .tasks.peg_in_hole.task import PegInHole as PegInHole
 from .tasks.rail_clip.task import RailClip as RailClip
+from .tasks.region import Region as Region
 from .tasks.task import Goal as Goal
 from .tasks.task import Progress as Progress
 from .tasks.task import Task as Task
 from .trackers.tracker import Tracker as Tracker
 from .types import Vec3 as Vec3
+from .workcell.cell_config import CellConfig as CellConfig
+from .workcell.cell_config import load_cell as load_cell
 from .workcell.joints import Detent as Detent
 from .workcell.joints import Joint as Joint
 from .workcell.joints import Moving as Moving

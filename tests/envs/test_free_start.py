@@ -6,10 +6,11 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from dovetail.envs.free_start import OVERLAP_MAX, WALL_MARGIN, OverlapError, StartError
+from dovetail.envs.free_start import OVERLAP_MAX, OverlapError, StartError
 from dovetail.envs.registered import make_env
 from dovetail.poses import Pose, quat_about_z, tool_down
 from dovetail.tasks.peg_in_hole.task import PegInHole
+from dovetail.workcell.workcell import START_MARGIN
 from extras import need
 
 HOLE = Pose(np.array([0.6, 0.0, 0.1]), quat_about_z(0.0))
@@ -91,6 +92,6 @@ def test_a_start_behind_a_wall_or_out_of_reach_is_drawn_again(place):
     for seed in range(30):
         env.reset(seed=seed, options={"fixture": hole})
         at = env.unwrapped.state.tool.position
-        assert np.all(at > np.add(low, 0.9 * WALL_MARGIN))
-        assert np.all(at < np.subtract(high, 0.9 * WALL_MARGIN))
+        assert np.all(at > np.add(low, 0.9 * START_MARGIN))
+        assert np.all(at < np.subtract(high, 0.9 * START_MARGIN))
     env.close()

@@ -15,7 +15,6 @@ from dovetail.errors import TrackerError
 from dovetail.perceive.arm_shots import TASK, take_shots
 from dovetail.perceive.camera import load_camera
 from dovetail.perceive.detect import Detection, Detector
-from dovetail.perceive.rehearsal import FIXTURE
 from dovetail.perceive.simulated import Simulated
 from dovetail.plants.find import make_plant
 from dovetail.plants.twin import load_twin, make_twin
@@ -39,7 +38,7 @@ def cabinet():
     """The address of a simulated cabinet whose robot is a twin."""
     cell = find_cell()
     plant = make_twin(load_twin("medium"), cell)
-    plant.reset(cell.robot.posture("down"), FIXTURE)
+    plant.reset(cell.robot.posture("down"), cell.place)
     with lockstep_address(plant) as address:
         yield address
 
@@ -115,7 +114,7 @@ def test_an_arm_behind_a_service_goes_through_its_poses(opengl, monkeypatch):
     cell, spec = find_cell(), TaskSpec.parse(TASK)
     osc, limits = make_settings(cell, EnvConfig())
     plant = make_plant("mujoco", cell)
-    plant.reset(cell.robot.posture("down"), FIXTURE)
+    plant.reset(cell.robot.posture("down"), cell.place)
     arm = served.ServedArm(plant, cell.loaded_robot(), osc, limits, spec, 0.005)
     drawn = Simulated(beside(), cell)
     monkeypatch.setattr("dovetail.perceive.arm_shots.open_source", lambda *_: drawn)

@@ -37,7 +37,6 @@ from dovetail.poses import TOOL_DOWN, Pose
 from dovetail.printable import printable
 from dovetail.robots.find import find_robot
 from dovetail.settings import settings
-from dovetail.tasks.region import usual_fixture
 
 _ABOVE = 0.06
 """Height of the start over the fixture [m]."""
@@ -129,7 +128,7 @@ class Cabinet(
                 "--twin and --plant exclude each other: a twin has its own"
             )
         cell = find_cell(self.env, self.robot, self.cell, **self.task_options)
-        fixture = usual_fixture(self.cell)
+        fixture = cell.place
         if self.plant is not None:
             plant = make_plant(self.plant, cell)
         else:

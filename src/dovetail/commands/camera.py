@@ -18,6 +18,7 @@ from dovetail.files import require_new, write_atomic
 from dovetail.plants.twin import load_twin
 from dovetail.robots.find import DEFAULT_ROBOT
 from dovetail.settings import in_count
+from dovetail.workcell.cell_config import CellFile
 
 if TYPE_CHECKING:
     from dovetail.perceive.camera import Camera as CameraFile
@@ -136,6 +137,8 @@ class CameraWatch:
     which it was calibrated: another, that has it elsewhere, is refused."""
     robot: str = DEFAULT_ROBOT
     """Robot model of the arm; a camera on its flange looks from its usual posture."""
+    cell: CellFile = None
+    """Cell file: table, tool, walls, and where a simulated fixture stands."""
 
     def run(self, console: Console) -> int:
         """Look, a line for each picture; return 1 where the board was never seen.
@@ -146,11 +149,11 @@ class CameraWatch:
         from dovetail.perceive.camera import load_camera
         from dovetail.perceive.detect import DetectionFailure, Detector, explain
         from dovetail.perceive.open_source import open_source
-        from dovetail.perceive.rehearsal import FIXTURE
         from dovetail.trackers.marker import locate
 
         in_count("count", self.count, 0, _PICTURES_MAX, "pictures")
-        camera, cell = load_camera(self.camera), find_cell(robot=self.robot)
+        camera = load_camera(self.camera)
+        cell = find_cell(robot=self.robot, cell=self.cell)
         if self.twin is not None and not camera.is_simulated:
             raise ConfigError(f"twin is given, and the pictures are of {camera.source}")
         twin = None if self.twin is None else load_twin(self.twin).camera
@@ -161,7 +164,7 @@ class CameraWatch:
         try:
             while number < self.count or not self.count:
                 number += 1
-                frame = source.look(FIXTURE, standing(q, number / camera.rate))
+                frame = source.look(cell.place, standing(q, number / camera.rate))
                 if frame is None:
                     continue
                 sight = detector.find(frame.picture)

@@ -20,7 +20,6 @@ from dovetail.errors import ConfigError
 from dovetail.options import Delay, Period
 from dovetail.printable import printable
 from dovetail.robots.find import DEFAULT_ROBOT
-from dovetail.tasks.region import usual_fixture
 from dovetail.workcell.cell_config import CellFile
 
 _HERE = "it belongs to the checks of an arm: give --arm ADDRESS with it"
@@ -112,8 +111,7 @@ class Doctor:
                 "run it where the arm is served, with fri://HOST:PORT?KEY=VALUE&..."
             )
         plant = address.make_plant(find_cell(robot=self.robot, cell=self.cell))
-        fixture = usual_fixture(self.cell)
-        return run_simulated_checks(plant, period, declared, fixture)
+        return run_simulated_checks(plant, period, declared)
 
     def _check_camera(self, file: str) -> Iterator[Check]:
         from dovetail.doctor.camera import run_camera_checks

@@ -22,6 +22,7 @@ from dovetail.files import claim_output_folder, require_new
 from dovetail.plants.twin import load_twin
 from dovetail.robots.find import DEFAULT_ROBOT, find_robot
 from dovetail.settings import in_count, settings
+from dovetail.workcell.cell_config import CellFile
 
 if TYPE_CHECKING:
     from dovetail.perceive.camera import Camera
@@ -67,6 +68,8 @@ class MovedArmOptions:
     """Ask nothing before a real arm is moved."""
     robot: str = DEFAULT_ROBOT
     """Robot model of the arm: one of dovetail's, or MODULE:FUNCTION of your own."""
+    cell: CellFile = None
+    """Cell file: table, tool, walls, and where the fixture stands."""
 
 
 @settings()
@@ -163,7 +166,7 @@ class CameraHandEye(PictureOptions, MovedArmOptions, KnownCameraOptions):
         from dovetail.perceive.rehearsal import shoot
 
         errors = None if twin is None else load_twin(twin).camera
-        cell = find_cell(robot=self.robot)
+        cell = find_cell(robot=self.robot, cell=self.cell)
         return shoot(camera.as_it_is(), cell, errors, self.count, self.seed)
 
     def _taken(
@@ -179,7 +182,7 @@ class CameraHandEye(PictureOptions, MovedArmOptions, KnownCameraOptions):
             if not ask(question):
                 raise ConfigError("the arm was not moved; nothing is written")
         errors = None if twin is None else load_twin(twin).camera
-        cell = find_cell(robot=self.robot)
+        cell = find_cell(robot=self.robot, cell=self.cell)
         arm = build_arm(address, cell, TaskSpec.parse(TASK))
         try:
             taken = camera.as_it_is() if camera.is_simulated else camera

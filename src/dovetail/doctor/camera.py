@@ -22,7 +22,7 @@ from dovetail.perceive.camera import Camera
 from dovetail.perceive.detect import Detection, DetectionFailure, Detector, explain
 from dovetail.perceive.edges import edge_width
 from dovetail.perceive.open_source import open_source
-from dovetail.perceive.rehearsal import FIXTURE, board_of, viewpoint
+from dovetail.perceive.rehearsal import board_of, viewpoint
 from dovetail.perceive.sources import Frame, ImageSource
 from dovetail.plants.plant import COLUMN, CYCLE_COLUMNS
 from dovetail.plants.twin import load_twin
@@ -113,7 +113,7 @@ def run_camera_checks(
                 camera, _watch_with_arm(camera, address, cell, period, source)
             )
             return
-        watched = watch_still(source, FIXTURE, standing(cell.robot.posture("down")))
+        watched = watch_still(source, cell.place, standing(cell.robot.posture("down")))
         yield from check_camera(camera, watched)
         lacks = "give --arm ADDRESS: " if address is None else "the arm was not moved: "
         words = f"{lacks}it is measured by moving the arm"

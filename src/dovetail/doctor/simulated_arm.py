@@ -20,15 +20,20 @@ from dovetail.doctor.standstill import (
 from dovetail.envs.arm_setup import make_settings
 from dovetail.envs.config import EnvConfig
 from dovetail.plants.plant import Plant
-from dovetail.poses import Pose, quat_about_z, tool_down
+from dovetail.poses import Pose, tool_down
+from dovetail.workcell.workcell import Workcell
 
-FIXTURE = Pose(np.array([0.60, 0.0, 0.10]), quat_about_z(0.0))
-ABOVE = 0.10
+_ABOVE = 0.10
 """Height of the tool over the fixture [m]."""
 
 
+def above_fixture(cell: Workcell) -> Pose:
+    """Return the pose of the tool over the fixture at its usual place."""
+    return Pose(cell.place.position + np.array([0.0, 0.0, _ABOVE]), tool_down(0.0))
+
+
 def run_simulated_checks(
-    plant: Plant, period: float, declared: dict[str, Any], fixture: Pose = FIXTURE
+    plant: Plant, period: float, declared: dict[str, Any]
 ) -> Iterator[Check]:
     """Yield every check of a simulated arm, over the table, as soon as it is done.
 
@@ -36,7 +41,6 @@ def run_simulated_checks(
         plant: The simulation; closed in the end.
         period: Control period [s].
         declared: Largest declared errors of model and loop.
-        fixture: Where the fixture stands; the tool is held above it.
 
     Raises:
         PlantError: The simulation diverged.
@@ -46,17 +50,16 @@ def run_simulated_checks(
     config = EnvConfig(period=period, force_damping=0.0, **declared)
     osc, limits = make_settings(cell, config)
     robot = cell.loaded_robot()
-    above = Pose(fixture.position + np.array([0.0, 0.0, ABOVE]), tool_down(0.0))
-    q = robot.inverse_kinematics(above, robot.posture("rest"))
+    q = robot.inverse_kinematics(above_fixture(cell), robot.posture("rest"))
     arm = LocalArm(plant, robot, osc, limits, task, period)
     held = LocalArm(plant, robot, *excitation_gains(osc, limits), task, period)
     try:
-        held.reset(q, fixture)
+        held.reset(q, cell.place)
         hold = _core.Target(joint_mode=True, q_d=q)
         yield check_standstill(measure_standstill(watch(held, hold), period))
         step = simulated_step(period)
         yield from check_dynamics(held, q, declared, integration_step=step)
-        arm.reset(q, fixture)
+        arm.reset(q, cell.place)
         yield check_as_configured(arm)
     finally:
         arm.close()

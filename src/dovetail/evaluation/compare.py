@@ -216,8 +216,9 @@ def _check(one: Contender, console: Console) -> dict[str, Any]:
         require_place(one.config, can_place=core.places_fixture)
         require_spaces(one.policy.metadata, env)
         task, robot = core.task, core.cell.robot.name
+        cell = core.cell.own or "the task's own"
         options = {name: vars(task)[name] for name in option_types(type(task))}
-    return {"env": one.env_id, "robot": robot, **options}
+    return {"env": one.env_id, "robot": robot, "cell": cell, **options}
 
 
 def _make_env(one: Contender) -> partial[Any]:

@@ -67,7 +67,7 @@ class RecordedArmConfig:
     robot: str = USUAL.robot
     """Robot in the cell: one of dovetail's, or MODULE:FUNCTION of your own."""
     cell: CellFile = None
-    """Cell file of the arm: table, tool, walls, and where fixtures stand."""
+    """Cell file: table, tool, walls and fixture."""
 
 
 @settings()

@@ -87,7 +87,7 @@ def _require_alike(
 ) -> None:
     pairs = {
         "task": (_task_name(steps), _task_name(wanted)),
-        "robot": (steps.cell.get("robot"), wanted.cell.get("robot")),
+        **{n: (steps.cell.get(n), wanted.cell.get(n)) for n in ("robot", "cell")},
         **{name: (steps.action.get(name), wanted.action.get(name)) for name in MEANT},
         "columns": (steps.columns, wanted.columns),
     }

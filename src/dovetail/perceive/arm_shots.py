@@ -10,7 +10,7 @@ from dovetail.control.period import POLICY_PERIOD
 from dovetail.errors import ConfigError, TrackerError
 from dovetail.perceive.camera import Camera
 from dovetail.perceive.open_source import open_source
-from dovetail.perceive.rehearsal import FIXTURE, Shot, board_of, reachable
+from dovetail.perceive.rehearsal import Shot, board_of, reachable
 from dovetail.perceive.sources import ImageSource
 from dovetail.plants.twin_camera import TwinCamera
 from dovetail.workcell.workcell import Workcell
@@ -70,7 +70,7 @@ def _go_through(
     rng, margin = np.random.default_rng(seed), 2.0 * arm.facts.limits.delta_x
     for number in range(count):
         q = reachable(camera, cell, rng, margin=margin)
-        state = arm.reset(q, FIXTURE)
+        state = arm.reset(q, cell.place)
         try:
             source.reset(board_of(camera, cell, state.q), seed + number)
             shot = _stand(arm, source, camera, cell, state)

@@ -15,7 +15,6 @@ from dovetail.poses import (
     compose,
     inverse,
     matrix_from_quat,
-    quat_about_z,
     quat_from_matrix,
     quat_from_vector,
     quat_multiply,
@@ -23,8 +22,6 @@ from dovetail.poses import (
 from dovetail.types import Vec3, Vec7
 from dovetail.workcell.workcell import Workcell
 
-FIXTURE = Pose(np.array([0.60, 0.0, 0.10]), quat_about_z(0.0))
-"""Pose of the fixture during a rehearsal."""
 _AHEAD, _SPREAD = (0.30, 0.45), 0.03
 """Distance of a camera on the flange from the board, how far it looks aside [m]."""
 _TILT, _ROLL = 0.6, 0.7
@@ -70,7 +67,7 @@ def shoot(
         for number in range(count):
             q = reachable(camera, cell, rng)
             board = board_of(camera, cell, q)
-            yield Shot(source.still(q, FIXTURE, board, seed + number), q)
+            yield Shot(source.still(q, cell.place, board, seed + number), q)
     finally:
         source.close()
 
@@ -87,7 +84,7 @@ def viewpoint(camera: Camera, cell: Workcell, seed: int = 0) -> Vec7:
 def board_of(camera: Camera, cell: Workcell, q: Vec7) -> Pose:
     """Return where the board is: on the fixture, or in the tool, the arm at q [rad]."""
     if camera.mount == "flange":
-        return FIXTURE
+        return cell.place
     return compose(cell.robot.tool_pose(q), _IN_FLANGE)
 
 
@@ -119,9 +116,9 @@ def reachable(
     low, high = low + (margin or 0.0), high - (margin or 0.0)
     for _ in range(_TRIES):
         draw = _above if camera.mount == "flange" else _before
-        tip = compose(draw(camera, rng), tool)
+        tip = compose(draw(camera, cell.place, rng), tool)
         is_inside = (low <= tip.position).all() and (tip.position <= high).all()
-        if not is_inside or tip.position[2] < FIXTURE.position[2] + _CLEAR:
+        if not is_inside or tip.position[2] < cell.place.position[2] + _CLEAR:
             continue
         try:
             return robot.inverse_kinematics(tip, robot.posture("down"), seeds=2)
@@ -133,10 +130,10 @@ def reachable(
     )
 
 
-def _above(camera: Camera, rng: np.random.Generator) -> Pose:
+def _above(camera: Camera, fixture: Pose, rng: np.random.Generator) -> Pose:
     """Draw a pose of the flange from which the camera on it looks at the fixture."""
     tilt = _tilted(np.array([0.0, 0.0, -1.0]), rng)
-    target = FIXTURE.position + np.array([*rng.uniform(-_SPREAD, _SPREAD, 2), 0.0])
+    target = fixture.position + np.array([*rng.uniform(-_SPREAD, _SPREAD, 2), 0.0])
     position = target - rng.uniform(*_AHEAD) * tilt
     usual = camera.pose.quat_wxyz
     down = np.array([0.0, 1.0, 0.0, 0.0])  # of the flange, over the table
@@ -145,9 +142,9 @@ def _above(camera: Camera, rng: np.random.Generator) -> Pose:
     return compose(look, inverse(camera.pose))
 
 
-def _before(camera: Camera, rng: np.random.Generator) -> Pose:
+def _before(camera: Camera, fixture: Pose, rng: np.random.Generator) -> Pose:
     """Draw a pose of the flange in which the board on it looks at the camera."""
-    middle = FIXTURE.position + np.array([0.0, 0.0, 0.12])
+    middle = fixture.position + np.array([0.0, 0.0, 0.12])
     position = middle + rng.uniform(-0.06, 0.06, 3)
     face = _tilted(_unit(camera.pose.position - position), rng)
     # The flange is as far down as the face allows; its y is the face's normal.

@@ -115,16 +115,6 @@ class Region(NamedTuple):
         ]
 
 
-_USUAL = Region((0.60, 0.0, 0.10), (0.60, 0.0, 0.10), (0.0, 0.0))
-
-
-def usual_fixture(cell: CellConfig | None) -> Pose:
-    """Return the pose of a fixture that nobody has placed: in the region's middle."""
-    region = Region.of(cell) or _USUAL
-    x, y, z = region.middle.tolist()
-    return FixturePose("usual", x, y, z, region.middle_yaw).pose()
-
-
 def require_region(
     task: "Task", cell: CellConfig, fitted: "Workcell", margin: float = 0.005
 ) -> None:

@@ -15,6 +15,7 @@ from pydantic import BeforeValidator, model_validator
 from tyro.constructors import PrimitiveConstructorSpec
 
 from dovetail.errors import ConfigError, DovetailError
+from dovetail.poses import Pose, quat_about_z
 from dovetail.reading import read_toml
 from dovetail.settings import (
     Range,
@@ -189,11 +190,18 @@ class CellConfig(TableConfig, ToolConfig, BoundsConfig):
             usual,
             name=f"{usual.name}, cell: {said}",
             own=said,
+            place=usual.place if self.fixture_low is None else self._place(),
             tool=self._tool(usual.tool, usual.held),
             walls=walls,
             table=self.top(),
             starts=self._starts(),
         )
+
+    def _place(self) -> Pose:
+        """Return the middle of the region of fixtures."""
+        middle = (np.array(self.fixture_low) + np.array(self.fixture_high)) / 2.0
+        yaw = float(np.mean(self.fixture_yaw or 0.0))
+        return Pose(middle, quat_about_z(yaw))
 
     def _starts(self) -> Walls | None:
         if self.start_low is None or self.start_high is None:

@@ -14,7 +14,7 @@ from typing import Self
 import numpy as np
 
 from dovetail.errors import ConfigError
-from dovetail.poses import UNMOVED, Pose, matrix_from_quat
+from dovetail.poses import UNMOVED, Pose, matrix_from_quat, quat_about_z
 from dovetail.robots.robot import Payload, Robot
 from dovetail.types import Array, Vec3
 from dovetail.workcell.joints import Joint, Moving, mass_centre_inertia
@@ -40,6 +40,7 @@ TABLE = Part(
     ),
 )
 """A table whose top is z = 0."""
+_PLACE = Pose(np.array([0.60, 0.0, 0.10]), quat_about_z(0.0))
 START_MARGIN = 0.02
 """Distance of a start from the walls [m]: a tare leads the tool 7.5 mm, and the limits
 slow it down before a wall. The shipped tasks' usual starts keep 21 mm."""
@@ -64,6 +65,8 @@ class Workcell:
     """Heights of the TCP over the fixture's frame, along its z, where it goes [m]."""
     walls: Walls = WALLS
     """Walls of the TCP."""
+    place: Pose = _PLACE
+    """Where a fixture stands that nobody has placed."""
     own: str = ""
     """What its cell file says, in words; empty without one."""
     table: Part = TABLE
