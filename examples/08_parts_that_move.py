@@ -73,7 +73,12 @@ WAYS = {  # in the fixture's frame [m]: the tool's tip goes from one point to th
 }
 
 
-def push(part: Part, begin, end, engine: str, seconds: float) -> tuple[float, float]:
+Point = tuple[float, float, float]
+
+
+def push(
+    part: Part, begin: Point, end: Point, engine: str, seconds: float
+) -> tuple[float, float]:
     """Move the tool along a line by a soft spring.
 
     Returns:

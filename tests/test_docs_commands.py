@@ -103,8 +103,7 @@ def test_a_learner_in_the_docs_fits_its_service(
 def program(page):
     """Return the Python block of a page."""
     text = (ROOT / "docs" / f"{page}.md").read_text()
-    (block,) = re.findall(r"```python\n(.*?)```", text, re.S)
-    return block
+    return "\n".join(re.findall(r"```python\n(.*?)```", text, re.S))
 
 
 def test_the_robot_of_the_docs_does_the_task(tmp_path, monkeypatch):
@@ -122,6 +121,7 @@ def test_the_part_of_the_docs_is_a_part():
     names = {}
     exec(program("your-own-part"), names)
     np.testing.assert_allclose(names["cup"].corners[:, 2].max(), 0.0, atol=1e-12)
+    assert [piece.joint.column for piece in names["door"].moving] == ["hinge_door"]
 
 
 def test_commands_are_found_in_the_readme_and_in_every_guide():

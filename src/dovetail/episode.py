@@ -356,7 +356,8 @@ def _check(
                 f"the log {path}: column {name} is in {unit!r}, expected "
                 f"{unit_of(name)!r}"
             )
-        bad = np.isinf(values) if name in _MAY_BE_NAN else ~np.isfinite(values)
+        may_be_nan = name in _MAY_BE_NAN or name in parts
+        bad = np.isinf(values) if may_be_nan else ~np.isfinite(values)
         if bad.any():
             row = int(np.argmax(bad))
             raise LogError(

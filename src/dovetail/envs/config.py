@@ -120,7 +120,8 @@ class ObservationConfig:
     """Observation of the policy: the task's columns, and more."""
 
     also: tuple[str, ...] = ()
-    """Columns the policy sees beside the task's: tilt, normal, spin, wrench, force."""
+    """Columns the policy sees beside the task's: tilt, normal, spin, wrench; of
+    simulations force and parts, the joints of parts that move."""
     recall: tuple[int, ...] = ()
     """Ages [steps] of past tool positions that the policy sees. Past tilts are added if
     the tilt is shown; with any age the last action is added, too."""

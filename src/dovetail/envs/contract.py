@@ -113,7 +113,10 @@ def require_task(task: Task, robot: "Robot") -> None:
     q = robot.posture(task.posture)
     tool = ToolState(start.position, start.quat_wxyz, np.zeros(6))
     log = np.zeros((0, 0))
-    state = ArmState(0.0, q, np.zeros(7), tool, np.zeros(3), np.zeros(6), 0, log)
+    moving = (*task.held().moving, *task.fixture(0.0).moving)
+    parts = np.array([piece.joint.start for piece in moving])
+    still = np.zeros(3), np.zeros(6), 0
+    state = ArmState(0.0, q, np.zeros(7), tool, *still, log, parts)
     error = start.position - goal.position
     read_progress(task, task.judge(error, goal, state))
     read_reward(task, task.weigh(error, 0.0, False, 0.0))

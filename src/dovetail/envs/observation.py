@@ -167,6 +167,8 @@ def parts_group(joints: Sequence[Joint]) -> Group:
     ]
     scales = {"m": POSITION_SCALE, "rad": THETA_SCALE}
     scale = tuple(scales[joint.unit] for joint in joints)
+    if len(joints) == 1:  # one number, not an array of one: see `Layout`
+        return Group(tuple(columns), scale[0], 7.0, lambda s: s.state.parts[0])
     return Group(tuple(columns), scale, 7.0, attrgetter("state.parts"))
 
 

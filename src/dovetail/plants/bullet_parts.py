@@ -261,7 +261,7 @@ class HeldPieces:
             M += mass * linear.T @ linear + angular.T @ inertia @ angular
             bias += linear.T @ (mass * (a - self._gravity))
             bias += angular.T @ (inertia @ alpha + np.cross(turning, inertia @ turning))
-        return M, bias
+        return M, np.asarray(bias, dtype=np.float64)
 
     def _place(self, index: int) -> "_Place":
         """Return where a link is, world axes."""

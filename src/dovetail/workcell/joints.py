@@ -2,9 +2,10 @@
 
 The force of a joint is one formula for every engine, `Joint.law`. Engines step it
 linearly implicitly: damping is `law.implicit_damping`, D = d + h k, and h D is added to
-the inertia, h being the physics step [s]. That is the implicit Euler method: forces at rest are exact, and no spring is
-unstable. It damps a vibration that the step does not resolve, so `require_steppable`
-refuses a spring with less than `STEPS` steps in a period of its vibration.
+the inertia, h being the physics step [s]. That is the implicit Euler method: forces at
+rest are exact, and no spring is unstable. It damps a vibration that the step does not
+resolve, so `require_steppable` refuses a spring with less than `STEPS` steps in a
+period of its vibration.
 
 The engines let shapes of one part pass through each other: a stop is the end of a
 joint's range, not a shape.
@@ -12,7 +13,7 @@ joint's range, not a shape.
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
@@ -56,7 +57,7 @@ class Joint:
     """Direction of the axis, of any length above 0."""
     range: tuple[float, float] | None = None
     """Lower and upper stop [rad, m]. It has no default: a joint ends somewhere."""
-    origin: Vec3 = (0.0, 0.0, 0.0)  # type: ignore[assignment]
+    origin: Vec3 = field(default_factory=lambda: np.zeros(3))
     """A point of a hinge's axis [m]."""
     start: float = 0.0
     """Position after a reset [rad, m]; the shapes are given at position 0."""
@@ -98,11 +99,6 @@ class Joint:
         set_(self, "origin", origin)
         set_(self, "detents", tuple(Detent(*d) for d in self.detents))
         self._check_range(unit)
-        low, high = self.stops
-        if not low <= self.start <= high:
-            raise self._error("start", self.start, unit, f"{low:g} to {high:g}")
-        if not math.isfinite(self.rest):
-            raise self._error("rest", self.rest, unit, "a number")
         for name, value, of in (
             ("stiffness", self.stiffness, f"{force}/{unit}"),
             ("damping", self.damping, f"{force} s/{unit}"),
@@ -111,6 +107,10 @@ class Joint:
         ):
             if not 0.0 <= value < math.inf:
                 raise self._error(name, value, of, "0 or more")
+        self._check_detents(unit, force)
+
+    def _check_detents(self, unit: str, force: str) -> None:
+        low, high = self.stops
         for detent in self.detents:
             if not (low <= detent.position <= high and detent.half_width > 0.0):
                 allowed = f"position {low:g} to {high:g}, half_width above 0"
@@ -129,6 +129,10 @@ class Joint:
             allowed = f"low below high, both within {largest:.4g} of 0"
             raise self._error("range", self.range, unit, allowed)
         object.__setattr__(self, "range", (float(low), float(high)))
+        if not low <= self.start <= high:
+            raise self._error("start", self.start, unit, f"{low:g} to {high:g}")
+        if not math.isfinite(self.rest):
+            raise self._error("rest", self.rest, unit, "a number")
 
     def _error(self, name: str, value: object, unit: str, allowed: str) -> ConfigError:
         shown = " ".join(str(part) for part in (value, unit) if part != "")
@@ -137,7 +141,7 @@ class Joint:
             name=name,
             value=value,
             unit=unit,
-            allowed=allowed,
+            allowed=(allowed,),
         )
 
     @property
@@ -216,7 +220,7 @@ class Moving:
                 name="mass",
                 value=mass,
                 unit="kg",
-                allowed="above 0",
+                allowed=(0.0, math.inf),
             )
 
     def moved(self, position: Vec3, quat_wxyz: Vec4) -> "Moving":
@@ -238,10 +242,10 @@ class Moving:
         )
 
     def corners(self) -> Array:
-        """Return the corners of the boxes around its shapes at both stops and the start.
+        """Return corners of its shapes' boxes at both stops and the start [m].
 
         Returns:
-            In the part's frame [m], shape (corners, 3).
+            In the part's frame, shape (corners, 3).
         """
         places = (*self.joint.stops, self.joint.start)
         return np.vstack([s.corners() for q in places for s in self.at(q)])
