@@ -86,7 +86,7 @@ def test_todays_region_gives_todays_trial_poses_and_holes():
             fixture_yaw=region.yaw,
         )
         for own, placed in zip(
-            task.trial_poses, task.trial_poses_in(cell), strict=True
+            task.trial_poses, task().trial_poses_in(cell), strict=True
         ):
             assert placed[1:5] == pytest.approx(own[1:5], abs=1e-12)
             assert placed.facing == own.facing
@@ -100,7 +100,7 @@ def test_todays_region_gives_todays_trial_poses_and_holes():
 def test_trial_poses_and_draws_lie_in_the_region(task):
     region = Region((0.5, 0.1, 0.135), (0.6, 0.18, 0.15), (0.2, 0.8))
     cell = cell_of({k: v for k, v in ASIDE.items() if k.startswith("fixture")})
-    poses = task.trial_poses_in(cell)
+    poses = task().trial_poses_in(cell)
     assert len({pose[1:5] for pose in poses}) == 3
     low, high = (*region.low, region.yaw[0]), (*region.high, region.yaw[1])
     for pose in poses:
@@ -121,7 +121,7 @@ def test_a_region_of_one_place_is_one_place():
     cell = cell_of({**place, "fixture_yaw": [0.4, 0.4]})
     region = Region.of(cell)
     assert region.is_one_place
-    assert {p[1:5] for p in PegInHole.trial_poses_in(cell)} == {(0.55, 0.0, 0.1, 0.4)}
+    assert {p[1:5] for p in PegInHole().trial_poses_in(cell)} == {(0.55, 0.0, 0.1, 0.4)}
     np.testing.assert_allclose(find_cell(cell=cell).place.position, [0.55, 0.0, 0.1])
     assert len(region.corners((1.0, 0.0, 0.0, 0.0))) == 1
 
