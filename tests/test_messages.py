@@ -33,6 +33,7 @@ train --config nowhere.toml
 train --recipe pegnear
 train --config own.toml
 train --steps 0
+train --part nowhere.toml
 train --clearance -1
 twin show medum
 cabinet --plant gazebo --port 0 --control none

@@ -367,7 +367,7 @@ def test_export_writes_a_policy_beside_the_model(tmp_path, rng, capsys):
     [
         (["--stack", "2"], "observations have shape [14], the environment's [50]"),
         (["--task", "XY:force ZABC:hold"], "actions have shape [4], the environment's"),
-        (["--env", "CartPole-v1"], "known: dovetail/PegInHole-v0"),
+        (["--env", "CartPole-v1"], "dovetail/PegInHole-v0"),
         (["--peg", "hexagon"], "hexagon"),
     ],
 )
