@@ -41,7 +41,7 @@ class Tool:
     opening: float | None = None
     """Width of the part between the fingers [m]; None for a tool without fingers."""
     reach: float = 0.0
-    """How far the part stands out from its upper end to the TCP [m]; 0 is unknown."""
+    """Length of the part from its upper end to the TCP [m]; 0 is unknown."""
     drawn: tuple[Drawn, ...] = ()
     """Meshes of the tool, in the flange frame; without any, its shapes are drawn."""
 

@@ -68,7 +68,7 @@ class Workcell:
     place: Pose = _PLACE
     """Where a fixture stands that nobody has placed."""
     own: str = ""
-    """What its cell file says, in words; empty without one."""
+    """The content of its cell file, in words; empty without one."""
     table: Part = TABLE
     """The table, in the world's frame."""
     starts: Walls | None = None
