@@ -174,11 +174,11 @@ def test_what_cannot_be_measured_is_refused_before_anything_moves(settings, mess
 def test_below_a_block_in_a_wall_it_leads_the_tool_down():
     core = gym.make("dovetail/PegInHole-v0", facing="robot", tare=True).unwrapped
     facing = core.task.trial_poses[0].facing
-    fixture = FixturePose.given((0.87, 0.0, 0.40, 0.0), facing).pose()
+    fixture = FixturePose.given((0.87, 0.0, 0.42, 0.0), facing).pose()
     low = float(core.cell.fixture.corners[:, 2].min())
     half = float(np.abs(core.cell.fixture.corners[:, :2]).max())
     peg = float(np.abs(core.cell.held.corners[:, :2]).max())
-    beside = np.array([0.87 - 0.5 * low, 0.0, 0.40 - half - peg - 0.004])
+    beside = np.array([0.87 - 0.5 * low, 0.0, 0.42 - half - peg - 0.004])
     robot = core.arm.facts.robot
     q = robot.inverse_kinematics(
         Pose(beside, core.task.goal(fixture).quat_wxyz), robot.posture("forward")

@@ -16,6 +16,9 @@ from dovetail.poses import Pose
 from dovetail.robots.robot import Robot
 from dovetail.types import Array, Vec3, Vec7
 
+_NOTHING = np.empty(0)
+"""Joints of parts that have none."""
+
 
 class LocalArm:
     """An arm made of the controller and a plant, both here."""
@@ -63,6 +66,7 @@ class LocalArm:
         self._period = period
         self._chain = robot.chain()
         self._stamp = 0.0
+        self._moves = bool(plant.cell.joints)
         self.disturbance = Disturbance()
         self._cycles: dict[float, int] = {}  # of each duration
 
@@ -76,7 +80,8 @@ class LocalArm:
         self._stamp = 0.0
         log = np.empty((0, len(CYCLE_COLUMNS)))
         seen = _core.summarize(self._chain, q_m, dq_m, log)  # position to flags
-        tool, parts = ToolState(*seen[:3]), self.plant.part_positions()
+        tool = ToolState(*seen[:3])
+        parts = self.plant.part_positions() if self._moves else _NOTHING
         return ArmState(0.0, q_m, dq_m, tool, *seen[3:], log, parts)
 
     def step(self, target: _core.Target, duration: float = 0.05) -> ArmState:
@@ -94,7 +99,8 @@ class LocalArm:
             log, q, dq = self.plant.run_cycles(controller, target, cycles, period)
         self._stamp += duration
         seen = _core.summarize(self._chain, q, dq, log)  # position to flags
-        tool, parts = ToolState(*seen[:3]), self.plant.part_positions()
+        tool = ToolState(*seen[:3])
+        parts = self.plant.part_positions() if self._moves else _NOTHING
         return ArmState(self._stamp, q, dq, tool, *seen[3:], log, parts)
 
     def count_cycles(self, duration: float) -> int:
