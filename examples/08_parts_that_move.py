@@ -14,10 +14,10 @@ from dovetail import (
     Pose,
     Primitive,
     find_cell,
+    make_plant,
     quat_about_z,
+    rotation_error,
 )
-from dovetail.plants.find import make_plant
-from dovetail.poses import rotation_error
 
 X, Y, Z = np.eye(3)
 FIXTURE = Pose(np.array([0.60, 0.0, 0.12]), quat_about_z(0.0))

@@ -55,6 +55,7 @@ from .learn.policy import find_policy as find_policy
 from .learn.policy import list_policies as list_policies
 from .learn.policy_env import make_policy_env as make_policy_env
 from .learn.train import train as train
+from .plants.find import make_plant as make_plant
 from .plants.mujoco_plant import MujocoPlant as MujocoPlant
 from .plants.plant import DynamicsConfig as DynamicsConfig
 from .plants.sampled_twin import sample_twin as sample_twin
@@ -66,6 +67,7 @@ from .poses import Pose as Pose
 from .poses import quat_about_z as quat_about_z
 from .poses import quat_multiply as quat_multiply
 from .poses import quat_normalized as quat_normalized
+from .poses import rotation_error as rotation_error
 from .poses import tool_down as tool_down
 from .robots.find import find_robot as find_robot
 from .robots.find import list_robots as list_robots

@@ -1,4 +1,4 @@
-"""Where the joints of parts are seen: in states, columns, logs, messages, pictures."""
+"""Joints of parts in states, columns, logs, messages and pictures."""
 
 from contextlib import closing
 from dataclasses import dataclass, replace

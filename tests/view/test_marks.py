@@ -163,6 +163,7 @@ def test_a_film_shows_the_way_and_what_was_believed(renderer, tmp_path, believed
             q=ABOVE,
             tool=SimpleNamespace(position=PLACE.position + up + way),
             contact_force=np.zeros(3),
+            parts=np.zeros(0),
         )
         film.add(state, PLACE, believed)
     with Image.open(film.write(tmp_path / "a.gif", renderer)) as shown:

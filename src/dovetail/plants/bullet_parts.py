@@ -41,8 +41,16 @@ def axis_frame(axis: Vec3) -> Mat33:
     return np.column_stack([x, np.cross(axis, x), axis])
 
 
+def round_inertia(inertia: Mat33, axis: Vec3) -> Mat33:
+    """Return an inertia that is round about an axis, and the same about it."""
+    about = float(axis @ inertia @ axis)
+    across = (float(np.trace(inertia)) - about) / 2.0
+    along = np.outer(axis, axis)
+    return across * (np.eye(3) - along) + about * along
+
+
 class FixturePiece:
-    """What moves on the fixture: a fixed base with one link."""
+    """A moving piece of the fixture: a fixed base with one link."""
 
     def __init__(
         self, bullet: Any, client: int, piece: Moving, fixture: Pose, apart: list[int]
@@ -172,7 +180,7 @@ def at_joint(joint: Joint, axis: Vec3, origin: Vec3, f: Vec3, at: Vec3) -> float
 
 
 class _Place(NamedTuple):
-    """Where a link is, world axes."""
+    """Place of a link, world axes."""
 
     R: Mat33
     axis: Vec3
@@ -181,7 +189,7 @@ class _Place(NamedTuple):
 
 
 class HeldPieces:
-    """What moves on the held part: links after the arm's seven."""
+    """The moving pieces of the held part: links after the arm's seven."""
 
     def __init__(
         self,
@@ -207,6 +215,11 @@ class HeldPieces:
         rigid = [mass_centre_inertia(piece.primitives) for piece in pieces]
         self._mass = [scale * mass for mass, _, _ in rigid]
         self._inertia = [scale * inertia for _, _, inertia in rigid]
+        self._simple = [
+            round_inertia(inertia, piece.joint.axis)
+            for inertia, piece in zip(self._inertia, pieces, strict=True)
+        ]
+        self._added = np.zeros(len(pieces))
         self._centre = [
             com - piece.joint.origin
             for (_, com, _), piece in zip(rigid, pieces, strict=True)
@@ -224,9 +237,40 @@ class HeldPieces:
         ]
         force = [j.law.force(at) for j, at in zip(self.joints, q, strict=True)]
         added = [j.armature + h * d for j, d in zip(self.joints, damping, strict=True)]
+        for i, inertia in enumerate(added):
+            if inertia != self._added[i]:
+                self._set_inertia(i, inertia)
         return np.array(force) - np.array(damping) * dq, np.array(added)
 
-    def model(self, chain: "_core.Chain", q: Array, dq: Array) -> tuple[Array, Array]:
+    def _set_inertia(self, index: int, added: float) -> None:
+        """Let a link of Bullet's have inertia at its joint, beside its own.
+
+        Without it a stop's or a contact's impulse would stop the link alone.
+        """
+        self._added[index] = added
+        mass, inertia = self._of_bullet(index)
+        moments, axes = np.linalg.eigh(self._simple[index])
+        axis = self.joints[index].axis
+        moments[int(np.argmax(np.abs(axes.T @ axis)))] = axis @ inertia @ axis
+        self._bullet.changeDynamics(
+            self._body,
+            7 + index,
+            mass=mass,
+            localInertiaDiagonal=moments.tolist(),
+            physicsClientId=self._client,
+        )
+
+    def _of_bullet(self, index: int) -> tuple[float, Mat33]:
+        """Return mass [kg] and inertia [kg m2] of a link of Bullet's, link axes."""
+        added, axis = self._added[index], self.joints[index].axis
+        if self.joints[index].kind == "slide":
+            return self._mass[index] + added, self._simple[index]
+        more = added * np.outer(axis, axis)
+        return self._mass[index], self._simple[index] + more
+
+    def model(
+        self, chain: "_core.Chain", q: Array, dq: Array, *, is_bullets: bool
+    ) -> tuple[Array, Array]:
         """Return what the pieces add to inertia matrix and bias, gravity included.
 
         Newton's and Euler's equations of each, with its Jacobian to all joints.
@@ -235,6 +279,7 @@ class HeldPieces:
             chain: The arm.
             q: Positions of the arm's joints and of these.
             dq: Velocities.
+            is_bullets: Whether the pieces are those of Bullet's or the true ones.
         """
         J = chain.jacobian(q[:7])
         tip = chain.pose(q[:7])[0]
@@ -257,7 +302,10 @@ class HeldPieces:
             a += np.cross(alpha, c) + np.cross(turning, np.cross(turning, c))
             if is_slide:
                 a += 2.0 * np.cross(w, u * dq[7 + i])
-            mass, inertia = self._mass[i], at.R @ self._inertia[i] @ at.R.T
+            mass, inertia = self._mass[i], self._inertia[i]
+            if is_bullets:
+                mass, inertia = self._of_bullet(i)
+            inertia = at.R @ inertia @ at.R.T
             M += mass * linear.T @ linear + angular.T @ inertia @ angular
             bias += linear.T @ (mass * (a - self._gravity))
             bias += angular.T @ (inertia @ alpha + np.cross(turning, inertia @ turning))

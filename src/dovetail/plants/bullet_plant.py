@@ -24,7 +24,12 @@ from dovetail.errors import (
     PlantError,
     install_command,
 )
-from dovetail.plants.bullet_parts import FixturePiece, HeldPieces, contact
+from dovetail.plants.bullet_parts import (
+    FixturePiece,
+    HeldPieces,
+    contact,
+    round_inertia,
+)
 from dovetail.plants.bullet_world import WORLD, BulletWorld, xyzw
 from dovetail.plants.cycle_loop import run_cycles
 from dovetail.plants.dry_friction import dry_friction
@@ -205,7 +210,8 @@ class BulletPlant:
         scale = self.dynamics.mass_scale[6]
         for piece in moving:
             mass, com, inertia = mass_centre_inertia(piece.primitives)
-            found = [scale * mass], [com - piece.joint.origin], [scale * inertia]
+            inertia = scale * round_inertia(inertia, piece.joint.axis)
+            found = [scale * mass], [com - piece.joint.origin], [inertia]
             for numbers, more in zip(links, found, strict=True):
                 numbers.append(np.array(more))
         mass, com, inertia = (np.concatenate(numbers) for numbers in links)
@@ -376,11 +382,11 @@ class BulletPlant:
         """
         q, dq = self._all_joints()
         simulated, contact = self._simulated, self._contact_torque
-        true, bias_true = held.model(simulated, q, dq)
+        force, added = held.law(q[7:], dq[7:], h)  # first: it is in Bullet's model
+        true, bias_true = held.model(simulated, q, dq, is_bullets=False)
         M_all, bias_all = self._model_before = self._bullet_model(held, q, dq)
         true[:7, :7] += M
         bias_true[:7] += bias
-        force, added = held.law(q[7:], dq[7:], h)
         own = np.arange(7, len(q))
         true[own, own] += added
         Minv = np.asarray(np.linalg.inv(true), dtype=np.float64)
@@ -395,7 +401,7 @@ class BulletPlant:
     ) -> tuple[Array, Array]:
         """Return inertia matrix and bias of all the joints in Bullet."""
         arm = self._simulated
-        M, bias = held.model(arm, q, dq)
+        M, bias = held.model(arm, q, dq, is_bullets=True)
         M[:7, :7] += arm.inertia_matrix(q[:7])
         bias[:7] += arm.coriolis(q[:7], dq[:7]) + arm.gravity(q[:7])
         return M, bias

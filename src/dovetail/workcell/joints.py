@@ -47,7 +47,7 @@ class Detent(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Joint:
-    """How a moving piece of a part moves, in the part's frame."""
+    """A hinge or a slide of a part, in the part's frame."""
 
     name: str
     """Its name in messages, logs and observations."""
@@ -201,7 +201,7 @@ class Moving:
     """Shapes of a part that move together on one joint."""
 
     joint: Joint
-    """How they move."""
+    """Their joint."""
     primitives: tuple[Primitive, ...]
     """The shapes, in the part's frame, at joint position 0."""
 
