@@ -1,7 +1,6 @@
 """Write robot, tool, fixture and table as one MuJoCo model (MJCF)."""
 
 import xml.etree.ElementTree as ET
-from collections.abc import Iterable
 
 import numpy as np
 
@@ -69,14 +68,14 @@ def build_mjcf(robot: Robot, cell: Workcell, *, visual_meshes: bool = False) -> 
     assert assets is not None
     assert world is not None
     _choose_collisions(root, cell)
-    add_vertices(assets, [*cell.tool_primitives(), *cell.fixture.primitives])
+    _add_convex(assets, cell)
     looks.add_assets(assets)
-    add_part(world, TABLE.primitives[0], "world")
+    _add_part(world, TABLE.primitives[0], "world")
     fixture = ET.SubElement(
         world, "body", name="fixture", mocap="true", pos="0.6 0 0.1"
     )
     for part in cell.fixture.primitives:
-        add_part(fixture, part, "world")
+        _add_part(fixture, part, "world")
     _add_tool(_add_links(world, robot, looks), robot, cell, looks)
     return ET.tostring(root, encoding="unicode")
 
@@ -111,8 +110,8 @@ def _choose_collisions(root: ET.Element, cell: Workcell) -> None:
         flag.set("nativeccd", "disable" if "cylinder" in kinds else "enable")
 
 
-def add_vertices(assets: ET.Element, shapes: Iterable[Primitive]) -> None:
-    """Add the corners of what is neither box nor cylinder, as a mesh of its name."""
+def _add_convex(assets: ET.Element, cell: Workcell) -> None:
+    shapes = [*cell.tool_primitives(), *cell.fixture.primitives]
     for part in (part for part in shapes if part.kind in ("prism", "convex")):
         vertices = "  ".join(_numbers(corner) for corner in part.vertices())
         ET.SubElement(assets, "mesh", name=part.name, vertex=vertices)
@@ -142,7 +141,7 @@ def _add_tool(link: ET.Element, robot: Robot, cell: Workcell, looks: _Looks) -> 
         quat = quat_from_matrix(at.flange_rotation)
         quat = quat_multiply(quat, part.quat_wxyz)
         placed = part._replace(position=position, quat_wxyz=quat)
-        add_part(link, placed, "hidden" if part.name in hidden else "tool")
+        _add_part(link, placed, "hidden" if part.name in hidden else "tool")
     for name, one in looks.tool.items():
         placed = one.seen_from(at.flange_position, at.flange_rotation)
         add_geom(link, name, placed, _GREY)
@@ -180,14 +179,7 @@ def _add_link_visual(body: ET.Element, link: int, robot: Robot, looks: _Looks) -
     ET.SubElement(body, "geom", facts | shape, size=size)
 
 
-def add_part(body: ET.Element, part: Primitive, group: str) -> None:
-    """Add a shape to a body.
-
-    Args:
-        body: The body.
-        part: The shape.
-        group: Class of the geom: tool or world.
-    """
+def _add_part(body: ET.Element, part: Primitive, group: str) -> None:
     shape = {
         "box": {"type": "box", "size": _numbers(part.size)},
         "cylinder": {"type": "cylinder", "size": _numbers(part.size)},
