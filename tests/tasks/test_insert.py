@@ -199,3 +199,31 @@ def test_a_file_in_the_docs_is_built(block, tmp_path):
     (tmp_path / "part.toml").write_text(block)
     assert len(Insert(part=str(tmp_path / "part.toml")).fixture(0.0).primitives) > 1
     assert len(BLOCKS) == 2
+
+
+def test_the_page_draws_every_piece_of_both_parts():
+    mujoco = pytest.importorskip("mujoco")
+    pytest.importorskip("trimesh")
+    from dovetail.cockpit.scene import triangles
+    from dovetail.view.cell_model import cell_spec
+
+    cell = find_cell(ENV, part=KEYED)
+    model = cell_spec(cell).compile()
+    areas = {}
+    for shape in [*cell.held.primitives, *cell.fixture.primitives]:
+        vertices, faces, _ = triangles(mujoco, model, model.geom(shape.name).id)
+        a, b, c = (vertices[faces[:, i]] for i in range(3))
+        areas[shape.name] = np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2
+    assert min(areas.values()) > 1e-6
+    # Two pieces make the plug's section; the seam between them counts twice.
+    plug = areas["plug_0"] + areas["plug_1"] - 2 * 6 * 70e-6
+    around, section = 2 * (24 + 14) + 2 * 3, 24 * 14 + 6 * 3
+    assert plug == pytest.approx((around * 70 + 2 * section) * 1e-6, rel=1e-5)
+
+
+def test_more_pieces_than_an_engine_can_bear_are_refused_before_they_are_built():
+    ring = {"outline": "polygon 100 200", "cutouts": ["polygon 100 90"], "z": [-9, 0]}
+    text = json.loads(pair("hexagon 20", "hexagon 20.4"))
+    text["fixture"]["shapes"] = [ring] * 500
+    with pytest.raises(ConfigError, match="more than 3000 convex pieces"):
+        Insert(part=json.dumps(text))
