@@ -31,9 +31,7 @@ def test_only_cells_with_convex_parts_collide_in_several_points():
 
 @pytest.mark.parametrize("aside", [0.0, 60.0])
 @pytest.mark.parametrize("name", ["hexagon", "d_shaft", "keyed_plug"])
-def test_100_newton_press_an_inserted_plug_in_by_less_than_a_tenth_of_a_mm(
-    name, aside
-):
+def test_100_newton_press_an_inserted_plug_in_by_less_than_a_tenth_of_a_mm(name, aside):
     cell = find_cell(ENV, part=str(EXAMPLES / f"{name}.toml"))
     plant = make_plant("mujoco", cell, DynamicsConfig.of_robot(cell.robot))
     robot = cell.loaded_robot()
