@@ -77,6 +77,7 @@ from .robots.robot import Robot as Robot
 from .search.corner import SEARCH_AXES as SEARCH_AXES
 from .search.corner import CornerSearch as CornerSearch
 from .tasks.fixture_pose import FixturePose as FixturePose
+from .tasks.insert.task import Insert as Insert
 from .tasks.peg_in_hole.task import PegInHole as PegInHole
 from .tasks.rail_clip.task import RailClip as RailClip
 from .tasks.region import Region as Region

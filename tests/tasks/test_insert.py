@@ -9,7 +9,8 @@ import pytest
 
 from dovetail.commands.command_line import find_task, parse
 from dovetail.commands.train import Train
-from dovetail.envs.registered import find_cell, make, make_task
+from dovetail.envs.log_facts import CELL, describe_cell
+from dovetail.envs.registered import find_cell, make, make_task, task_of_file
 from dovetail.errors import ConfigError, PolicyError
 from dovetail.learn.config import TrainConfig
 from dovetail.learn.policy_env import policy_settings
@@ -182,7 +183,7 @@ def test_part_on_a_command_line_chooses_the_task():
     assert parse(Train, ["--env", ENV, f"--part={KEYED}"]).env == ENV
 
 
-def test_bullet_refuses_outlines_and_takes_boxes_and_cylinders():
+def test_bullet_refuses_outlines():
     pytest.importorskip("pybullet")
     from dovetail.plants.bullet_plant import BulletPlant
 
@@ -199,3 +200,55 @@ def test_a_file_in_the_docs_is_built(block, tmp_path):
     (tmp_path / "part.toml").write_text(block)
     assert len(Insert(part=str(tmp_path / "part.toml")).fixture(0.0).primitives) > 1
     assert len(BLOCKS) == 2
+
+
+def test_the_page_draws_every_piece_of_both_parts():
+    mujoco = pytest.importorskip("mujoco")
+    pytest.importorskip("trimesh")
+    from dovetail.cockpit.scene import triangles
+    from dovetail.view.cell_model import cell_spec
+
+    cell = find_cell(ENV, part=KEYED)
+    model = cell_spec(cell).compile()
+    areas = {}
+    for shape in [*cell.held.primitives, *cell.fixture.primitives]:
+        vertices, faces, _ = triangles(mujoco, model, model.geom(shape.name).id)
+        a, b, c = (vertices[faces[:, i]] for i in range(3))
+        areas[shape.name] = np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2
+    assert min(areas.values()) > 1e-6
+    # Two pieces make the plug's section; the seam between them counts twice.
+    plug = areas["plug_0"] + areas["plug_1"] - 2 * 6 * 70e-6
+    around, section = 2 * (24 + 14) + 2 * 3, 24 * 14 + 6 * 3
+    assert plug == pytest.approx((around * 70 + 2 * section) * 1e-6, rel=1e-5)
+
+
+def test_more_pieces_than_an_engine_can_bear_are_refused_before_they_are_built():
+    ring = {"outline": "polygon 100 200", "cutouts": ["polygon 100 90"], "z": [-9, 0]}
+    text = json.loads(pair("hexagon 20", "hexagon 20.4"))
+    text["fixture"]["shapes"] = [ring] * 500
+    with pytest.raises(ConfigError, match="more than 3000 convex pieces"):
+        Insert(part=json.dumps(text))
+
+
+def test_a_log_holds_the_part_and_a_strangers_log_reads_no_file():
+    env = make(ENV, part=KEYED)
+    facts = describe_cell(env)[CELL]
+    env.close()
+    again = task_of_file(facts["env_id"] or ENV, facts["task"])
+    assert again.part == Insert(part=KEYED).part
+    with pytest.raises(ConfigError, match="a path"):
+        task_of_file(ENV, facts["task"] | {"part": KEYED})
+
+
+def test_a_pair_of_boxes_and_cylinders_stands_in_bullet():
+    pytest.importorskip("pybullet")
+    from dovetail.plants.bullet_plant import BulletPlant
+
+    table = json.loads(pair("circle 20", "circle 20.4"))
+    wall = {"outline": "rectangle 10 40", "z": [-20, 0]}
+    table["fixture"]["shapes"] = [wall | {"at": [x, 0]} for x in (-15.2, 15.2)]
+    plant = BulletPlant(find_cell(ENV, part=json.dumps(table)))
+    fixture = Insert.trial_poses[0].pose()
+    plant.reset(plant.robot.posture("down"), fixture)
+    assert np.isfinite(plant.tool_pose().position).all()
+    plant.close()

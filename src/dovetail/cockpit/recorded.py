@@ -13,7 +13,7 @@ import numpy as np
 
 from dovetail.cockpit.episode_logger import BELIEVED, FIXTURE, PULL
 from dovetail.envs.log_facts import CELL
-from dovetail.envs.registered import make_task
+from dovetail.envs.registered import task_of_file
 from dovetail.episode import Episode
 from dovetail.errors import ConfigError, LogError
 from dovetail.poses import Pose
@@ -87,7 +87,7 @@ class Recorded:
         env_id = _named("env", env, facts.get("env_id"), DEFAULT_ENV)
         robot_name = _named("robot", robot, logged_robot, DEFAULT_ROBOT)
         settings = facts.get("task", {})
-        task = make_task(env_id, settings if isinstance(settings, Mapping) else {})
+        task = task_of_file(env_id, settings if isinstance(settings, Mapping) else {})
         cell = task.workcell(find_robot(robot_name), _cell_of(path, facts))
         columns = {name: episode[name] for name in episode.columns}
         begin = float(columns["time"][0])

@@ -28,7 +28,7 @@ def describe_cell(env: gymnasium.Env) -> dict[str, Any]:
     corrects.
     """
     core = require_contact_env(env)
-    task = {f.name: vars(core.task)[f.name] for f in fields(core.task)}
+    task = {f.name: vars(core.task)[f.name] for f in fields(core.task) if f.init}
     plain = {k: v for k, v in task.items() if isinstance(v, str | int | float)}
     name = core.spec.id if core.spec else ""
     action = {

@@ -288,6 +288,15 @@ def make_task(env_id: str, settings: Mapping[str, Any]) -> Task:
     return build_task(kind, own)
 
 
+def task_of_file(env_id: str, settings: Mapping[str, Any]) -> Task:
+    """Build the task that a log or a recording describes: it names no other file.
+
+    Raises:
+        ConfigError: See `make_task`; or a setting is the path of a file.
+    """
+    return make_task(env_id, task_class(env_id).whole(settings, may_read=False))
+
+
 def _import(module: str, env_id: str) -> None:
     """Import a stranger's module, which registers its tasks."""
     try:

@@ -20,7 +20,7 @@ from dovetail.control.proven import DECLARED
 from dovetail.control.task_spec import TaskSpec
 from dovetail.envs.arm_setup import make_settings
 from dovetail.envs.config import EnvConfig
-from dovetail.envs.registered import make_task, task_class
+from dovetail.envs.registered import task_class, task_of_file
 from dovetail.episode import Episode
 from dovetail.errors import ConfigError, LogError
 from dovetail.identify.log_checks import (
@@ -254,7 +254,7 @@ def read_description(folder: Path) -> dict[str, Any]:
 def _task(metadata: dict[str, Any]) -> Task:
     env_id = require_trusted("recording", "env_id", metadata["env_id"])
     names = option_types(task_class(env_id))
-    return make_task(env_id, {k: metadata[k] for k in names if k in metadata})
+    return task_of_file(env_id, {k: metadata[k] for k in names if k in metadata})
 
 
 def _cell(metadata: dict[str, Any]) -> Workcell:

@@ -1,7 +1,6 @@
 """Write robot, tool, fixture and table as one MuJoCo model (MJCF)."""
 
 import xml.etree.ElementTree as ET
-from collections.abc import Iterable
 
 import numpy as np
 
@@ -72,9 +71,9 @@ def build_mjcf(robot: Robot, cell: Workcell, *, visual_meshes: bool = False) -> 
     shapes = [*cell.tool_primitives(), *cell.fixture.primitives]
     shapes += [s for piece in cell.moving() for s in piece.primitives]
     _set_flags(root, shapes, moves=bool(cell.joints))
-    add_vertices(assets, shapes)
+    _add_vertices(assets, shapes)
     looks.add_assets(assets)
-    add_part(world, cell.table.primitives[0], "world")
+    _add_part(world, cell.table.primitives[0], "world")
     # After the arm where it has joints: the arm's are the first seven of the model.
     if not cell.fixture.moving:
         _add_fixture(world, cell)
@@ -94,7 +93,7 @@ def _add_fixture(world: ET.Element, cell: Workcell) -> None:
         world, "body", name="fixture", mocap="true", pos="0.6 0 0.1"
     )
     for part in cell.fixture.primitives:
-        add_part(fixture, part, "world")
+        _add_part(fixture, part, "world")
     for piece in cell.fixture.moving:
         _add_moving(fixture, piece, {}, "world")
 
@@ -115,7 +114,7 @@ def _add_moving(
         moved, "joint", about, name=name, type=joint.kind, range=_numbers(joint.stops)
     )
     for part in piece.primitives:
-        add_part(moved, part, group)
+        _add_part(moved, part, group)
 
 
 class _Looks:
@@ -152,8 +151,8 @@ def _set_flags(root: ET.Element, shapes: list[Primitive], *, moves: bool) -> Non
         flag.set("nativeccd", "disable" if "cylinder" in kinds else "enable")
 
 
-def add_vertices(assets: ET.Element, shapes: Iterable[Primitive]) -> None:
-    """Add the corners of what is neither box nor cylinder, as a mesh of its name."""
+def _add_convex(assets: ET.Element, cell: Workcell) -> None:
+    shapes = [*cell.tool_primitives(), *cell.fixture.primitives]
     for part in (part for part in shapes if part.kind in ("prism", "convex")):
         vertices = "  ".join(_numbers(corner) for corner in part.vertices())
         ET.SubElement(assets, "mesh", name=part.name, vertex=vertices)
@@ -178,7 +177,7 @@ def _add_tool(link: ET.Element, robot: Robot, cell: Workcell, looks: _Looks) -> 
     hidden = {part.name for part in cell.tool.primitives} if looks.tool else set()
     for part in cell.tool_primitives():
         placed = in_last_link(part, robot)
-        add_part(link, placed, "hidden" if part.name in hidden else "tool")
+        _add_part(link, placed, "hidden" if part.name in hidden else "tool")
     for name, one in looks.tool.items():
         placed = one.seen_from(at.flange_position, at.flange_rotation)
         add_geom(link, name, placed, _GREY)
@@ -228,14 +227,7 @@ def _add_link_visual(body: ET.Element, link: int, robot: Robot, looks: _Looks) -
     ET.SubElement(body, "geom", facts | shape, size=size)
 
 
-def add_part(body: ET.Element, part: Primitive, group: str) -> None:
-    """Add a shape to a body.
-
-    Args:
-        body: The body.
-        part: The shape.
-        group: Class of the geom: tool or world.
-    """
+def _add_part(body: ET.Element, part: Primitive, group: str) -> None:
     shape = {
         "box": {"type": "box", "size": _numbers(part.size)},
         "cylinder": {"type": "cylinder", "size": _numbers(part.size)},

@@ -4,8 +4,9 @@ Both are drawn as they stand when the task is done: z up, out of the fixture, th
 of the opening's mouth at 0 0 0. The short form makes both from one outline and a gap.
 """
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import lru_cache, partial
+from itertools import islice
 from typing import Annotated, Any, NamedTuple, Self
 
 import numpy as np
@@ -33,7 +34,7 @@ from dovetail.workcell.shapes import (
 MAX_SHAPES = 500
 """Most shapes that a part lists."""
 MAX_PIECES = 3000
-"""Most convex pieces of a part."""
+"""Most convex pieces of a fixture; of a held part a tenth."""
 _GAP = Range(0.0, 0.010, "m")
 _DENSITY = Range(1.0, 25000.0, "kg/m3")
 _WALL = 0.015
@@ -138,8 +139,8 @@ def _pair(name: str, table: Mapping[str, Any]) -> Pair:
     gap = Gap(gap=scale("gap", rest["gap"], unit)).gap
     held, density = _read_shapes("held", rest["held"], unit)
     fixture, _ = _read_shapes("fixture", rest["fixture"], unit)
-    pieces = held(0.0)
-    lowest = float(Part("held part", pieces).corners[:, 2].min())
+    pieces = _limited("held part", held(0.0), MAX_PIECES // 10).primitives
+    lowest = min(float(one.corners()[:, 2].min()) for one in pieces)
     if lowest > -0.001:
         raise ConfigError(
             f"the held part's lowest point is at z = {1e3 * lowest:g} mm, which is not "
@@ -147,6 +148,7 @@ def _pair(name: str, table: Mapping[str, Any]) -> Pair:
             "mouth at z = 0",
             name="held",
         )
+    _ = _limited("fixture", fixture(0.0))  # refuses what cannot be
     return Pair(
         name,
         _in_tool("held part", pieces, -lowest, density),
@@ -206,7 +208,7 @@ def _short_form(table: Mapping[str, Any], unit: float) -> ShortForm:
 
 def _read_shapes(
     name: str, table: Any, usual: float
-) -> tuple[Callable[[float], tuple[Primitive, ...]], float]:
+) -> tuple[Callable[[float], Iterator[Primitive]], float]:
     """Return what builds the shapes of one part, and its density [kg/m3]."""
     if not isinstance(table, Mapping):
         raise ConfigError(f"{name} is {str(table)[:60]!r}; give a table with shapes")
@@ -226,21 +228,20 @@ def _read_shapes(
 
 def _build(
     shapes: list[tuple[str, Shape]], unit: float, thinner_by: float
-) -> tuple[Primitive, ...]:
-    return tuple(
-        one
-        for name, shape in shapes
-        for one in primitives(name, shape, unit, thinner_by)
-    )
+) -> Iterator[Primitive]:
+    for name, shape in shapes:
+        yield from primitives(name, shape, unit, thinner_by)
 
 
-def _limited(name: str, pieces: Iterable[Primitive]) -> Part:
-    pieces = tuple(pieces)
-    if len(pieces) > MAX_PIECES:
+def _limited(name: str, pieces: Iterable[Primitive], most: int = MAX_PIECES) -> Part:
+    """Return a part, or refuse it before more is built than an engine can bear."""
+    found = tuple(islice(pieces, most + 1))
+    if len(found) > most:
         raise ConfigError(
-            f"the {name} has {len(pieces)} convex pieces; allowed: up to {MAX_PIECES}"
+            f"the {name} has more than {most} convex pieces: fewer shapes, or fewer "
+            "corners"
         )
-    return Part(name, pieces)
+    return Part(name, found)
 
 
 def _in_tool(

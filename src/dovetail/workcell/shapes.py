@@ -73,13 +73,10 @@ def read_shape(name: str, table: Any, unit: float) -> Shape:
             key: scale(key, value, unit) if key in ("z", "at") else value
             for key, value in table.items()
         }
-        shape = Shape(**scaled)
-        _ = list(primitives(name, shape, unit, 0.0))
+        return Shape(**scaled)
     except ConfigError as error:
-        if name not in str(error):
-            error.args = (f"{name}: {error}",)
+        error.args = (f"{name}: {error}",)
         raise
-    return shape
 
 
 def scale(key: str, value: Any, unit: float) -> Any:
@@ -110,7 +107,7 @@ def primitives(
         ConfigError: The outline is wrong, or nothing is left of it.
     """
     if shape.corners is not None:
-        yield _hull(f"{name}_0", shape.corners, unit, thinner_by)
+        yield _hull(name, shape.corners, unit, thinner_by)
         return
     assert shape.z is not None
     turn = quat_about_z(np.radians(shape.turn_deg)) if shape.turn_deg else IDENTITY
@@ -150,25 +147,25 @@ def hull_of(name: str, corners: Array) -> Primitive:
 def _hull(name: str, corners: Any, unit: float, thinner_by: float) -> Primitive:
     if not isinstance(corners, list | tuple) or not 4 <= len(corners) <= _MAX_CORNERS:
         raise ConfigError(
-            f"corners are {str(corners)[:60]}; give 4 to {_MAX_CORNERS} points "
-            "[x, y, z]"
+            f"corners of {name} are {str(corners)[:60]}; give 4 to {_MAX_CORNERS} "
+            "points [x, y, z]"
         )
     for index, corner in enumerate(corners):
         if not isinstance(corner, list | tuple) or len(corner) != 3:
             raise ConfigError(
-                f"corner {index} is {str(corner)[:60]}; give three numbers, [x, y, z]"
+                f"corner {index} of {name} is {str(corner)[:60]}; give three numbers, "
+                "[x, y, z]"
             )
-    points = np.array(scale("corners", corners, unit))
-    primitive = hull_of(name, points)
-    primitive.require_size("a shape")
+    points = np.array(scale(f"corners of {name}", corners, unit))
+    hull_of(name, points).require_size("a part")
     if thinner_by:
         moved = thinner(points, thinner_by)
         if moved is None:
             raise ConfigError(
                 f"{1e3 * thinner_by:g} mm less on each side leaves nothing of {name}"
             )
-        primitive = hull_of(name, moved)
-    return primitive
+        points = moved
+    return hull_of(f"{name}_0", points)
 
 
 def volume(shape: Primitive) -> float:

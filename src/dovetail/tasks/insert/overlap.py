@@ -1,11 +1,9 @@
 """Overlap of two parts: the two shapes that are deepest in one another."""
 
-import xml.etree.ElementTree as ET
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
-from dovetail.plants.mjcf import add_part, add_vertices
 from dovetail.poses import Pose
-from dovetail.workcell.parts import Part
+from dovetail.workcell.parts import Part, Primitive
 
 
 class Overlap(NamedTuple):
@@ -29,25 +27,15 @@ def deepest_overlap(one: Part, other: Part, place: Pose) -> Overlap | None:
     """
     import mujoco
 
-    root = ET.fromstring(
-        '<mujoco><option><flag multiccd="disable"/></option><asset/>'
-        '<default><default class="tool"><geom contype="1" conaffinity="0"/></default>'
-        '<default class="world"><geom contype="0" conaffinity="1"/></default>'
-        "</default><worldbody/></mujoco>"
-    )
-    assets, world = root.find("asset"), root.find("worldbody")
-    assert assets is not None
-    assert world is not None
-    placed = [shape.moved(*place) for shape in other.primitives]
-    add_vertices(assets, [*one.primitives, *placed])
-    moving = ET.SubElement(world, "body")
-    ET.SubElement(moving, "freejoint")
-    ET.SubElement(moving, "inertial", pos="0 0 0", mass="1", diaginertia="1 1 1")
+    spec = mujoco.MjSpec()
+    moving = spec.worldbody.add_body()
+    moving.add_freejoint()
+    moving.mass, moving.inertia, moving.explicitinertial = 1.0, [1.0] * 3, True
     for shape in one.primitives:
-        add_part(moving, shape, "tool")
-    for shape in placed:
-        add_part(world, shape, "world")
-    model = mujoco.MjModel.from_xml_string(ET.tostring(root, encoding="unicode"))
+        _add(spec, moving, shape, contype=1, conaffinity=0)
+    for shape in other.primitives:
+        _add(spec, spec.worldbody, shape.moved(*place), contype=0, conaffinity=1)
+    model = spec.compile()
     data = mujoco.MjData(model)
     mujoco.mj_fwdPosition(model, data)
     if not data.ncon:
@@ -57,3 +45,21 @@ def deepest_overlap(one: Part, other: Part, place: Pose) -> Overlap | None:
         (model.geom(i) for i in contact.geom), key=lambda geom: geom.contype[0]
     )
     return Overlap(names[1].name, names[0].name, -float(contact.dist))
+
+
+def _add(spec: Any, body: Any, shape: Primitive, **masks: int) -> None:
+    """Add a shape to a body of a MuJoCo model."""
+    import mujoco
+
+    known = {
+        "box": mujoco.mjtGeom.mjGEOM_BOX,
+        "cylinder": mujoco.mjtGeom.mjGEOM_CYLINDER,
+    }
+    facts = {"name": shape.name, "pos": shape.position, "quat": shape.quat_wxyz}
+    if shape.kind in known:
+        size = [*shape.size, 0.0][:3]
+        body.add_geom(type=known[shape.kind], size=size, **facts, **masks)
+        return
+    spec.add_mesh(name=shape.name, uservert=shape.vertices().ravel())
+    mesh = mujoco.mjtGeom.mjGEOM_MESH
+    body.add_geom(type=mesh, meshname=shape.name, **facts, **masks)
