@@ -130,8 +130,8 @@ class RequestDesk:
         if theirs != own:
             ours = own or "no cell file"
             raise ConfigError(
-                f"the client's cell is {str(theirs)[:400] or 'no cell file'}; the "
-                f"cabinet's is {ours}: start both with the same --cell FILE",
+                f"the client has {str(theirs)[:400] or 'no cell file'}; the "
+                f"cabinet has {ours}: start both with the same --cell FILE",
                 name="cell",
                 value=theirs,
             )
