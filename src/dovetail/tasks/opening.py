@@ -11,7 +11,7 @@ from dovetail.control.task_spec import AXES, HOLD, POSE, TaskSpec
 from dovetail.errors import ConfigError
 from dovetail.poses import TOOL_DOWN, Pose, quat_multiply
 from dovetail.settings import Range, in_range
-from dovetail.tasks.facing import Facing, find_facing
+from dovetail.tasks.facing import Facing, FacingName, find_facing
 from dovetail.tasks.fixture_pose import UPRIGHT, turned
 from dovetail.tasks.task import Goal, Progress, Task, axis_of
 from dovetail.types import Vec3
@@ -68,7 +68,7 @@ class IntoOpening(Task):
     tilt: float = 0.0
     """Half range of the fixture's tilt about its own x and y [rad], a field of tasks
     that draw it."""
-    facing: str = "up"
+    facing: FacingName = "up"
     """Way that the fixture opens, a field of tasks that know others than upwards."""
 
     done_word: ClassVar[str] = "inserted"

@@ -2,11 +2,12 @@
 
 import math
 from dataclasses import dataclass, field, replace
-from typing import Any, ClassVar, Literal
+from typing import Any, ClassVar
 
 import numpy as np
 
 from dovetail.poses import Pose, matrix_from_quat
+from dovetail.tasks.facing import FacingName
 from dovetail.tasks.fixture_pose import FixturePose
 from dovetail.tasks.opening import IntoOpening, widened_gap
 from dovetail.tasks.peg_in_hole.geometry import (
@@ -50,7 +51,7 @@ class PegInHole(IntoOpening):
     tilt: float = 0.0
     """Half range of the hole's tilt about its own x and y [rad]; up to 0.2. Above 0 B
     and C are commanded, and the policy sees tilt and normal."""
-    facing: Literal["up", "robot"] = "up"
+    facing: FacingName = "up"
     """Way that the hole opens: up, or towards the robot, in a wall, with a level tool.
     Then B and C are commanded, too."""
 
