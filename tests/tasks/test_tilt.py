@@ -227,9 +227,20 @@ def test_a_policy_for_tilted_holes_is_tried_at_tilted_holes():
     assert tilts[:2] == [(TILT, 0.0), (0.0, TILT)]
     policy["env"] = {}
     assert fixture_poses(config, policy) == PegInHole.trial_poses
+
+
+def test_a_tilted_place_is_for_a_policy_that_can_turn_the_tool():
     given = EvaluationConfig(policy="peg_square", fixture=(0.6, 0, 0.1, 0, 0.1, 0.2))
+    policy = {"env_id": "dovetail/PegInHole-v0", "env": {}}
+    with pytest.raises(ConfigError):
+        fixture_poses(given, policy)
+    policy["env"] = {"task": "XYZ:force ABC:pose"}
     (pose,) = fixture_poses(given, policy)
     assert (pose.b, pose.c) == (0.1, 0.2)
+    # Its starts are as the rail is, so that what is held is right.
+    policy = {"env_id": "dovetail/RailClip-v0", "env": {}}
+    rail = EvaluationConfig(policy="peg_square", fixture=(0.87, 0, 0.4, 0, 0.1, 0.2))
+    assert len(fixture_poses(rail, policy)) == 1
 
 
 @pytest.mark.parametrize(

@@ -5,10 +5,13 @@ from dataclasses import field
 from pathlib import Path
 from typing import Annotated, Any
 
+import numpy as np
+
 from dovetail.arms.address import SCHEMES, parse_address
 from dovetail.arms.arm_address import ArmAddress
 from dovetail.control.limits import DeclaredErrors
 from dovetail.control.period import DEFAULT_PERIOD, require_period
+from dovetail.control.task_spec import AXES, HOLD, TaskSpec
 from dovetail.envs.config import GRASP_ERROR, GRASP_TURN
 from dovetail.envs.registered import make_task
 from dovetail.errors import ConfigError
@@ -21,10 +24,15 @@ from dovetail.learn.policy_env import (
 from dovetail.options import Period, Placement
 from dovetail.plants.plant import PLANTS
 from dovetail.plants.twin import list_twins, load_twin
+from dovetail.poses import rotation_error
 from dovetail.search.script import SCRIPT_SETTINGS
 from dovetail.settings import names_in, settings
 from dovetail.tasks.fixture_pose import FixturePose
+from dovetail.tasks.task import Task
 from dovetail.workcell.cell_config import CellConfig, CellFile
+
+_HELD_MOST = 0.05
+"""Largest turn about an axis that is held, between start and goal [rad]."""
 
 
 @settings()
@@ -254,4 +262,33 @@ def fixture_poses(
     poses = task.trial_poses_in(cell_in(config, policy))
     if config.fixture is None:
         return poses
-    return (FixturePose.given(config.fixture, poses[0].facing),)
+    place = FixturePose.given(config.fixture, poses[0].facing)
+    _require_turning(task, place)
+    return (place,)
+
+
+def _require_turning(task: Task, place: FixturePose) -> None:
+    """Refuse a tilted place for a policy that holds the tool as a try starts.
+
+    Raises:
+        ConfigError: Names the axes that would have to turn, and by how much.
+    """
+    if not (place.b or place.c):
+        return
+    fixture = place.pose()
+    start = task.draw_start(np.random.default_rng(0), fixture)
+    lacking = rotation_error(task.goal(fixture).quat_wxyz, start.quat_wxyz)
+    modes = TaskSpec.parse(task.axes).modes
+    held = [
+        f"{axis} ({lacking[AXES.index(axis) - 3]:.2f} rad)"
+        for axis in "BC"
+        if modes[AXES.index(axis)] == HOLD
+        and abs(lacking[AXES.index(axis) - 3]) > _HELD_MOST
+    ]
+    if held:
+        raise ConfigError(
+            f"the fixture is tilted, and the policy's task '{task.axes}' holds "
+            f"{' and '.join(held)} where a try starts, so that the tool cannot turn to "
+            "it; take a policy that commands B and C: peg_near, or one trained with "
+            "--tilt"
+        )

@@ -2,14 +2,14 @@
 
 import math
 from dataclasses import dataclass, field, replace
-from typing import ClassVar, Literal
+from typing import ClassVar
 
 import numpy as np
 
 from dovetail.control.task_spec import AXES, HOLD, POSE, TaskSpec
 from dovetail.poses import Pose, matrix_from_quat, quat_multiply
 from dovetail.settings import Range, in_range
-from dovetail.tasks.facing import Facing, find_facing
+from dovetail.tasks.facing import Facing, FacingName, find_facing
 from dovetail.tasks.fixture_pose import UPRIGHT, FixturePose, turned
 from dovetail.tasks.opening import IntoOpening
 from dovetail.tasks.region import Region
@@ -53,7 +53,7 @@ class DrawnOpening(IntoOpening):
     tilt: float = 0.0
     """Half range of the fixture's tilt about its own x and y [rad]; up to 0.2.
     Above 0 B and C are commanded, and the policy sees tilt and normal."""
-    facing: Literal["up", "robot"] = "up"
+    facing: FacingName = "up"
     """Way that the fixture opens: up, or towards the robot, in a wall, with a level
     tool. Then B and C are commanded, too."""
 

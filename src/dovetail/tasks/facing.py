@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -17,6 +17,8 @@ from dovetail.tasks.fixture_pose import UPRIGHT, FixturePose
 from dovetail.types import Vec3
 from dovetail.workcell.workcell import WALLS, Walls
 
+FacingName = Literal["up", "robot"]
+"""Type of a field that names a facing."""
 Numbers = tuple[float, float, float]
 
 
