@@ -86,7 +86,7 @@ from .trackers.tracker import Tracker as Tracker
 from .types import Vec3 as Vec3
 from .workcell.joints import Detent as Detent
 from .workcell.joints import Joint as Joint
-from .workcell.joints import Moving as Moving
+from .workcell.parts import Moving as Moving
 from .workcell.parts import Part as Part
 from .workcell.parts import Primitive as Primitive
 from .workcell.parts import turned_box as turned_box

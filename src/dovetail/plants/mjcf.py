@@ -8,8 +8,7 @@ import numpy as np
 from dovetail.poses import quat_from_matrix, quat_multiply
 from dovetail.robots.drawn import Drawn, add_geom, add_mesh
 from dovetail.robots.robot import Robot
-from dovetail.workcell.joints import Moving, mass_centre_inertia
-from dovetail.workcell.parts import Primitive
+from dovetail.workcell.parts import Moving, Primitive, mass_centre_inertia
 from dovetail.workcell.workcell import TABLE, Workcell
 
 # The time constant is ContactDynamics.contact_time, set on the compiled model, and at
