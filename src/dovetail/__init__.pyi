@@ -90,7 +90,7 @@ from .workcell.cell_config import CellConfig as CellConfig
 from .workcell.cell_config import load_cell as load_cell
 from .workcell.joints import Detent as Detent
 from .workcell.joints import Joint as Joint
-from .workcell.joints import Moving as Moving
+from .workcell.parts import Moving as Moving
 from .workcell.parts import Part as Part
 from .workcell.parts import Primitive as Primitive
 from .workcell.parts import turned_box as turned_box

@@ -16,8 +16,8 @@ from dovetail.episode import Episode
 from dovetail.errors import ConfigError, LogError
 from dovetail.plants.plant import CYCLE_COLUMNS
 from dovetail.robots.iiwa14 import iiwa14
-from dovetail.workcell.joints import Joint, Moving
-from dovetail.workcell.parts import Part, Primitive
+from dovetail.workcell.joints import Joint
+from dovetail.workcell.parts import Moving, Part, Primitive
 from extras import need
 from plants.conftest import HOLE, Q_BENT
 

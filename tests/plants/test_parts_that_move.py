@@ -9,8 +9,8 @@ from dovetail.envs.registered import find_cell
 from dovetail.errors import ConfigError
 from dovetail.plants.find import make_plant
 from dovetail.poses import rotation_error
-from dovetail.workcell.joints import Detent, Joint, Moving, require_steppable
-from dovetail.workcell.parts import Part, Primitive
+from dovetail.workcell.joints import Detent, Joint
+from dovetail.workcell.parts import Moving, Part, Primitive, require_steppable
 from plants.conftest import HOLE, Q_BENT, TOOL_DOWN, start_above
 
 G = 9.81

@@ -14,7 +14,8 @@ from dovetail.plants.bullet_world import BulletWorld, xyzw
 from dovetail.plants.dry_friction import dry_friction
 from dovetail.poses import Pose, matrix_from_quat, quat_from_matrix
 from dovetail.types import Array, Mat33, Vec3
-from dovetail.workcell.joints import Joint, Moving, mass_centre_inertia
+from dovetail.workcell.joints import Joint
+from dovetail.workcell.parts import Moving, mass_centre_inertia
 
 if TYPE_CHECKING:
     from dovetail import _core

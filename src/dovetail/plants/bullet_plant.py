@@ -41,11 +41,7 @@ from dovetail.plants.plant import (
 from dovetail.poses import UNMOVED, Pose, quat_from_matrix
 from dovetail.robots.robot import GRAVITY, Robot
 from dovetail.types import Array, Vec3, Vec7
-from dovetail.workcell.joints import (
-    Moving,
-    mass_centre_inertia,
-    require_steppable,
-)
+from dovetail.workcell.parts import Moving, mass_centre_inertia, require_steppable
 from dovetail.workcell.workcell import Workcell
 
 if TYPE_CHECKING:

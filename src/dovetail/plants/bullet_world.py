@@ -8,8 +8,7 @@ import numpy as np
 from dovetail.poses import Pose, quat_from_matrix, quat_multiply
 from dovetail.robots.robot import Robot
 from dovetail.types import Array
-from dovetail.workcell.joints import Moving
-from dovetail.workcell.parts import IDENTITY, Primitive
+from dovetail.workcell.parts import IDENTITY, Moving, Primitive
 
 WORLD = Pose(np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
 """The world's own frame."""

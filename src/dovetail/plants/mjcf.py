@@ -7,8 +7,7 @@ import numpy as np
 from dovetail.poses import quat_from_matrix, quat_multiply
 from dovetail.robots.drawn import Drawn, add_geom, add_mesh
 from dovetail.robots.robot import Robot
-from dovetail.workcell.joints import Moving, mass_centre_inertia
-from dovetail.workcell.parts import Primitive
+from dovetail.workcell.parts import Moving, Primitive, mass_centre_inertia
 from dovetail.workcell.workcell import Workcell
 
 # The time constant is ContactDynamics.contact_time, set on the compiled model, and at
@@ -151,7 +150,7 @@ def _set_flags(root: ET.Element, shapes: list[Primitive], *, moves: bool) -> Non
         flag.set("nativeccd", "disable" if "cylinder" in kinds else "enable")
 
 
-def _add_convex(assets: ET.Element, cell: Workcell) -> None:
+def _add_vertices(assets: ET.Element, cell: Workcell) -> None:
     shapes = [*cell.tool_primitives(), *cell.fixture.primitives]
     for part in (part for part in shapes if part.kind in ("prism", "convex")):
         vertices = "  ".join(_numbers(corner) for corner in part.vertices())

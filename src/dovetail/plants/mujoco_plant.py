@@ -18,7 +18,7 @@ from dovetail.plants.plant import (
 from dovetail.poses import Pose, compose, inverse, quat_from_matrix
 from dovetail.robots.robot import GRAVITY, Robot
 from dovetail.types import Array, Vec3, Vec7
-from dovetail.workcell.joints import require_steppable
+from dovetail.workcell.parts import require_steppable
 from dovetail.workcell.workcell import Workcell
 
 if TYPE_CHECKING:

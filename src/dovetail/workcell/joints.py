@@ -4,7 +4,7 @@ The force of a joint is one formula for every engine, `Joint.law`. Engines step 
 linearly implicitly: damping is `law.implicit_damping`, D = d + h k, and h D is added to
 the inertia, h being the physics step [s]. That is the implicit Euler method: forces at
 rest are exact, and no spring is unstable. It damps a vibration that the step does not
-resolve, so `require_steppable` refuses a spring with less than `STEPS` steps in a
+resolve, so `Joint.require_steppable` refuses a spring with less than `STEPS` steps in a
 period of its vibration.
 
 The engines let shapes of one part pass through each other: a stop is the end of a
@@ -12,7 +12,6 @@ joint's range, not a shape.
 """
 
 import math
-from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Literal, NamedTuple
@@ -20,9 +19,8 @@ from typing import TYPE_CHECKING, Literal, NamedTuple
 import numpy as np
 
 from dovetail.errors import ConfigError
-from dovetail.poses import matrix_from_quat, quat_multiply
-from dovetail.types import Array, Mat33, Vec3, Vec4
-from dovetail.workcell.parts import Primitive, exact_rotation, unit_inertia
+from dovetail.poses import matrix_from_quat
+from dovetail.types import Mat33, Vec3, Vec4
 
 if TYPE_CHECKING:
     from dovetail import _core
@@ -192,108 +190,27 @@ class Joint:
 
     def moved(self, position: Vec3, quat_wxyz: Vec4) -> "Joint":
         """Return it in a frame in which its part's frame lies at this pose."""
-        R = exact_rotation(quat_wxyz)
+        R = matrix_from_quat(quat_wxyz).round(12)  # quarter turns are exact
         return replace(self, axis=R @ self.axis, origin=position + R @ self.origin)
 
+    def require_steppable(self, inertia: float, h: float) -> None:
+        """Refuse a spring that is too stiff for a physics step.
 
-@dataclass(frozen=True, eq=False)
-class Moving:
-    """Shapes of a part that move together on one joint."""
-
-    joint: Joint
-    """Their joint."""
-    primitives: tuple[Primitive, ...]
-    """The shapes, in the part's frame, at joint position 0."""
-
-    def __post_init__(self) -> None:
-        """Refuse a piece without inertia.
+        Args:
+            inertia: At the joint [kg m2, kg].
+            h: Physics step [s].
 
         Raises:
-            ConfigError: It has no mass.
+            ConfigError: Names stiffness, inertia, step and the largest stiffness.
         """
-        object.__setattr__(self, "primitives", tuple(self.primitives))
-        mass = sum(shape.mass for shape in self.primitives)
-        if not mass > 0.0:
-            raise ConfigError(
-                f"what moves on joint {self.joint.name!r} has a mass of {mass:g} kg; "
-                "give its shapes a mass above 0",
-                name="mass",
-                value=mass,
-                unit="kg",
-                allowed=(0.0, math.inf),
-            )
-
-    def moved(self, position: Vec3, quat_wxyz: Vec4) -> "Moving":
-        """Return it in a frame in which its part's frame lies at this pose."""
-        shapes = tuple(s.moved(position, quat_wxyz) for s in self.primitives)
-        return Moving(self.joint.moved(position, quat_wxyz), shapes)
-
-    def at(self, q: float) -> tuple[Primitive, ...]:
-        """Return its shapes at a joint position [rad, m], in the part's frame."""
-        position, R = self.joint.turn(q)
-        half = 0.5 * q if self.joint.kind == "hinge" else 0.0
-        quat = np.array([math.cos(half), *(math.sin(half) * self.joint.axis)])
-        return tuple(
-            s._replace(
-                position=position + R @ s.position,
-                quat_wxyz=quat_multiply(quat, s.quat_wxyz),
-            )
-            for s in self.primitives
-        )
-
-    def corners(self) -> Array:
-        """Return corners of its shapes' boxes at both stops and the start [m].
-
-        Returns:
-            In the part's frame, shape (corners, 3).
-        """
-        places = (*self.joint.stops, self.joint.start)
-        return np.vstack([s.corners() for q in places for s in self.at(q)])
-
-    def inertia(self) -> float:
-        """Return the inertia at its joint, the rest standing still [kg m2, kg]."""
-        mass, com, about = mass_centre_inertia(self.primitives)
-        joint = self.joint
-        if joint.kind == "slide":
-            return mass + joint.armature
-        arm = np.cross(joint.axis, com - joint.origin)
-        turning = joint.axis @ about @ joint.axis + mass * (arm @ arm)
-        return float(turning) + joint.armature
-
-
-def mass_centre_inertia(shapes: Iterable[Primitive]) -> tuple[float, Vec3, Mat33]:
-    """Return mass [kg], centre [m] and inertia about the centre [kg m2] of shapes."""
-    shapes = list(shapes)
-    total = sum(shape.mass for shape in shapes)
-    com: Vec3 = sum((s.mass * s.centre() for s in shapes), start=np.zeros(3)) / total
-    inertia = np.zeros((3, 3))
-    for shape in shapes:
-        d = shape.centre() - com
-        own = unit_inertia(shape) + (d @ d) * np.eye(3) - np.outer(d, d)
-        inertia += shape.mass * own
-    return total, com, inertia
-
-
-def require_steppable(pieces: Iterable[Moving], h: float) -> None:
-    """Refuse a spring that is too stiff for a physics step.
-
-    Args:
-        pieces: With their joints.
-        h: Physics step [s].
-
-    Raises:
-        ConfigError: Names stiffness, inertia, step and the largest stiffness.
-    """
-    for piece in pieces:
-        joint, inertia = piece.joint, piece.inertia()
-        stiffness = joint.stiffest()
-        unit, force, of = _UNITS[joint.kind]
+        stiffness = self.stiffest()
+        unit, force, of = _UNITS[self.kind]
         largest = inertia * (2.0 * math.pi / (STEPS * h)) ** 2
         if stiffness <= largest:
-            continue
+            return
         longest = h * math.sqrt(largest / stiffness)
         raise ConfigError(
-            f"joint {joint.name!r}: stiffness is {stiffness:.4g} {force}/{unit} "
+            f"joint {self.name!r}: stiffness is {stiffness:.4g} {force}/{unit} "
             f"(detents included) at an inertia of {inertia:.4g} {of}; a physics step "
             f"of {1e3 * h:.4g} ms allows up to {largest:.4g} {force}/{unit}: make it "
             f"softer, give an armature, or set physics_dt to {longest:.2g} s or less",

@@ -1,9 +1,10 @@
 """Rigid parts as primitives, with mass and colour, the same for every engine."""
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Literal, NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -11,9 +12,7 @@ from dovetail.errors import ConfigError
 from dovetail.poses import Pose, matrix_from_quat, quat_about_z, quat_multiply
 from dovetail.types import Array, Mat33, Vec3, Vec4
 from dovetail.workcell.hull import solid_of, thickness
-
-if TYPE_CHECKING:
-    from dovetail.workcell.joints import Moving
+from dovetail.workcell.joints import Joint
 
 IDENTITY: Vec4 = np.array([1.0, 0.0, 0.0, 0.0])
 """No rotation (wxyz)."""
@@ -120,6 +119,71 @@ def turned_box(
 
 
 @dataclass(frozen=True, eq=False)
+class Moving:
+    """Shapes of a part that move together on one joint."""
+
+    joint: Joint
+    """Their joint."""
+    primitives: tuple[Primitive, ...]
+    """The shapes, in the part's frame, at joint position 0."""
+
+    def __post_init__(self) -> None:
+        """Refuse a piece without inertia.
+
+        Raises:
+            ConfigError: It has no mass.
+        """
+        object.__setattr__(self, "primitives", tuple(self.primitives))
+        mass = sum(shape.mass for shape in self.primitives)
+        if not mass > 0.0:
+            raise ConfigError(
+                f"what moves on joint {self.joint.name!r} has a mass of {mass:g} kg; "
+                "give its shapes a mass above 0",
+                name="mass",
+                value=mass,
+                unit="kg",
+                allowed=(0.0, math.inf),
+            )
+
+    def moved(self, position: Vec3, quat_wxyz: Vec4) -> "Moving":
+        """Return it in a frame in which its part's frame lies at this pose."""
+        shapes = tuple(s.moved(position, quat_wxyz) for s in self.primitives)
+        return Moving(self.joint.moved(position, quat_wxyz), shapes)
+
+    def at(self, q: float) -> tuple[Primitive, ...]:
+        """Return its shapes at a joint position [rad, m], in the part's frame."""
+        position, R = self.joint.turn(q)
+        half = 0.5 * q if self.joint.kind == "hinge" else 0.0
+        quat = np.array([math.cos(half), *(math.sin(half) * self.joint.axis)])
+        return tuple(
+            s._replace(
+                position=position + R @ s.position,
+                quat_wxyz=quat_multiply(quat, s.quat_wxyz),
+            )
+            for s in self.primitives
+        )
+
+    def corners(self) -> Array:
+        """Return corners of its shapes' boxes at both stops and the start [m].
+
+        Returns:
+            In the part's frame, shape (corners, 3).
+        """
+        places = (*self.joint.stops, self.joint.start)
+        return np.vstack([s.corners() for q in places for s in self.at(q)])
+
+    def inertia(self) -> float:
+        """Return the inertia at its joint, the rest standing still [kg m2, kg]."""
+        mass, com, about = mass_centre_inertia(self.primitives)
+        joint = self.joint
+        if joint.kind == "slide":
+            return mass + joint.armature
+        arm = np.cross(joint.axis, com - joint.origin)
+        turning = joint.axis @ about @ joint.axis + mass * (arm @ arm)
+        return float(turning) + joint.armature
+
+
+@dataclass(frozen=True, eq=False)
 class Part:
     """A rigid body, and what moves on it, each piece on a joint."""
 
@@ -127,7 +191,7 @@ class Part:
     """For messages."""
     primitives: tuple[Primitive, ...]
     """Its shapes, in the part's own frame."""
-    moving: "tuple[Moving, ...]" = ()
+    moving: tuple[Moving, ...] = ()
     """Shapes that slide or turn on it; shapes of one part pass through each other."""
 
     def __post_init__(self) -> None:
@@ -213,3 +277,30 @@ def unit_inertia(primitive: Primitive) -> Mat33:
         own = np.diag([side, side, 2.0 * across])
     R = exact_rotation(primitive.quat_wxyz)
     return R @ own @ R.T
+
+
+def mass_centre_inertia(shapes: Iterable[Primitive]) -> tuple[float, Vec3, Mat33]:
+    """Return mass [kg], centre [m] and inertia about the centre [kg m2] of shapes."""
+    shapes = list(shapes)
+    total = sum(shape.mass for shape in shapes)
+    com: Vec3 = sum((s.mass * s.centre() for s in shapes), start=np.zeros(3)) / total
+    inertia = np.zeros((3, 3))
+    for shape in shapes:
+        d = shape.centre() - com
+        own = unit_inertia(shape) + (d @ d) * np.eye(3) - np.outer(d, d)
+        inertia += shape.mass * own
+    return total, com, inertia
+
+
+def require_steppable(pieces: Iterable[Moving], h: float) -> None:
+    """Refuse a spring that is too stiff for a physics step.
+
+    Args:
+        pieces: With their joints.
+        h: Physics step [s].
+
+    Raises:
+        ConfigError: Names stiffness, inertia, step and the largest stiffness.
+    """
+    for piece in pieces:
+        piece.joint.require_steppable(piece.inertia(), h)

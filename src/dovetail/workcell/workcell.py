@@ -17,8 +17,8 @@ from dovetail.errors import ConfigError
 from dovetail.poses import UNMOVED, Pose, matrix_from_quat, quat_about_z
 from dovetail.robots.robot import Payload, Robot
 from dovetail.types import Array, Vec3
-from dovetail.workcell.joints import Joint, Moving, mass_centre_inertia
-from dovetail.workcell.parts import Part, Primitive
+from dovetail.workcell.joints import Joint
+from dovetail.workcell.parts import Moving, Part, Primitive, mass_centre_inertia
 from dovetail.workcell.reach import reach_of
 from dovetail.workcell.tool import Tool
 

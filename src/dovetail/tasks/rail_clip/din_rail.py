@@ -15,8 +15,8 @@ import math
 import numpy as np
 
 from dovetail.types import Vec3
-from dovetail.workcell.joints import Joint, Moving
-from dovetail.workcell.parts import Part, Primitive
+from dovetail.workcell.joints import Joint
+from dovetail.workcell.parts import Moving, Part, Primitive
 
 WIDTH, RAIL_DEPTH, SHEET, LIP = 0.035, 0.0075, 0.001, 0.0045
 """Cross-section of the rail [m]: over its lips, deep, thick, and each lip's width."""

@@ -1,4 +1,4 @@
-"""Hook a component over the upper lip of a DIN rail, and snap it behind the lower one."""
+"""Hook a component over one lip of a DIN rail, and snap it behind the other."""
 
 import math
 from dataclasses import dataclass
