@@ -7,8 +7,8 @@ import pytest
 
 from dovetail.envs.registered import find_cell
 from dovetail.poses import UNMOVED, Pose, quat_from_vector
-from dovetail.workcell.joints import Joint, Moving
-from dovetail.workcell.parts import Primitive
+from dovetail.workcell.joints import Joint
+from dovetail.workcell.parts import Moving, Primitive
 from plants.conftest import HOLE, start_above
 
 

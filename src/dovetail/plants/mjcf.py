@@ -150,8 +150,8 @@ def _set_flags(root: ET.Element, shapes: list[Primitive], *, moves: bool) -> Non
         flag.set("nativeccd", "disable" if "cylinder" in kinds else "enable")
 
 
-def _add_vertices(assets: ET.Element, cell: Workcell) -> None:
-    shapes = [*cell.tool_primitives(), *cell.fixture.primitives]
+def _add_vertices(assets: ET.Element, shapes: list[Primitive]) -> None:
+    """Add the corners of what is neither box nor cylinder, as a mesh of its name."""
     for part in (part for part in shapes if part.kind in ("prism", "convex")):
         vertices = "  ".join(_numbers(corner) for corner in part.vertices())
         ET.SubElement(assets, "mesh", name=part.name, vertex=vertices)
