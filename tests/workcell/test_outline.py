@@ -155,6 +155,11 @@ def test_a_hole_that_is_not_inside_is_refused(hole):
         read("square 12", [hole])
 
 
+def test_cutouts_are_counted_while_they_are_read():
+    with pytest.raises(ConfigError, match="corners; allowed: up to 1000"):
+        read("square 12", ["square 1"] * 100_000)
+
+
 def test_an_offset_that_closes_a_detail_says_where():
     with pytest.raises(ConfigError, match=r"at \(-?8, .*\) mm"):
         read(KEYED).offset(-0.006)

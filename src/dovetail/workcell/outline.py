@@ -73,16 +73,19 @@ def read_outline(name: str, value: Any, unit: float, cutouts: Any = ()) -> Outli
     Raises:
         ConfigError: It is none of these, has no area or crosses itself; says where.
     """
-    outer, *inner = _read_lines(name, value, unit)
+    lines = _read_lines(name, value, unit)
     if not isinstance(cutouts, list | tuple):
         raise ConfigError(f"cutouts of {name} are {_brief(cutouts)}; give a list")
     for index, cutout in enumerate(cutouts):
         line, *more = _read_lines(f"cutout {index} of {name}", cutout, unit)
         if more:
             raise ConfigError(f"cutout {index} of {name} has a cutout; give each alone")
-        inner.append(line)
-    if (count := len(outer) + sum(map(len, inner))) > MAX_CORNERS:
-        raise ConfigError(f"{name} has {count} corners; allowed: up to {MAX_CORNERS}")
+        lines.append(line)
+        if (count := sum(map(len, lines))) > MAX_CORNERS:
+            raise ConfigError(
+                f"{name} has {count} corners; allowed: up to {MAX_CORNERS}"
+            )
+    outer, *inner = lines
     _require_apart(name, [outer, *inner])
     return Outline(outer, tuple(inner))
 
