@@ -66,7 +66,7 @@ class Workcell:
     walls: Walls = WALLS
     """Walls of the TCP."""
     place: Pose = _PLACE
-    """Where a fixture stands that nobody has placed."""
+    """The pose of a fixture that has not been placed."""
     own: str = ""
     """The content of its cell file, in words; empty without one."""
     table: Part = TABLE
