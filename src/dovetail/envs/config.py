@@ -117,7 +117,7 @@ class ObservationConfig:
     """Observation of the policy: the task's columns, and more."""
 
     also: tuple[str, ...] = ()
-    """Columns the policy sees beside the task's: tilt, normal, spin, wrench, force."""
+    """Columns the policy sees beside the task's: tilt, mouth, spin, wrench, force."""
     recall: tuple[int, ...] = ()
     """Ages [steps] of past tool positions that the policy sees. Past tilts are added if
     the tilt is shown; with any age the last action is added, too."""

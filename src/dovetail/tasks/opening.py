@@ -93,7 +93,7 @@ class IntoOpening(Task):
 
     def _let_turn(self, way: Facing) -> None:
         """Let the tool turn to such fixtures, show the turn, and try them."""
-        shown = [name for name in ("tilt", "normal") if name not in self.columns]
+        shown = [name for name in ("tilt", "mouth") if name not in self.columns]
         tilts = self.tilt * np.array(TRIED_TILTS)
         poses = tuple(
             way.place(pose, *map(float, tilts[i % len(tilts)]))

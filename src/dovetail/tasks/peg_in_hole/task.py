@@ -50,7 +50,7 @@ class PegInHole(IntoOpening):
     """Ranges of starts and holes."""
     tilt: float = 0.0
     """Half range of the hole's tilt about its own x and y [rad]; up to 0.2. Above 0 B
-    and C are commanded, and the policy sees tilt and normal."""
+    and C are commanded, and the policy sees tilt and mouth."""
     facing: FacingName = "up"
     """Way that the hole opens: up, or towards the robot, in a wall, with a level tool.
     Then B and C are commanded, too."""
