@@ -47,7 +47,7 @@ _Handler: TypeAlias = Callable[[int, FrameType | None], Any] | int | None
 _UNITS = CYCLE_UNITS | dict.fromkeys(("step", "reward", LED), "1")
 _UNITS |= {f"obs_{name}": unit for name, unit in CYCLE_UNITS.items()}
 _UNITS |= dict.fromkeys(("obs_theta", "obs_tilt_x", "obs_tilt_y"), "rad")
-_UNITS |= dict.fromkeys(("obs_nx", "obs_ny", "obs_nz"), "1")
+_UNITS |= dict.fromkeys((f"obs_mouth_{axis}" for axis in "xyz"), "m")
 _PARTS = {"hinge_": "rad", "slide_": "m"}
 """Units of the joints of parts, by what the names of their columns begin with."""
 _WRENCH = tuple(name for name in CYCLE_COLUMNS if name.startswith("wrench_"))

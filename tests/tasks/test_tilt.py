@@ -172,8 +172,8 @@ def test_the_policy_sees_how_the_tool_is_turned_from_the_goal(facing):
     assert np.abs(vector[:2]).max() > 0.02
     told = [seen["obs_tilt_x"], seen["obs_tilt_y"]]
     np.testing.assert_allclose(told, vector[:2], atol=1e-9)
-    normal = [seen["obs_nx"], seen["obs_ny"], seen["obs_nz"]]
-    np.testing.assert_allclose(normal, matrix_from_quat(core.fixture.quat_wxyz)[:, 2])
+    mouth = [seen[f"obs_mouth_{axis}"] for axis in "xyz"]
+    np.testing.assert_allclose(mouth, core.state.tool.position - core.fixture.position)
 
 
 @pytest.mark.parametrize("facing", FACINGS)

@@ -120,7 +120,7 @@ class ObservationConfig:
     """Observation of the policy: the task's columns, and more."""
 
     also: tuple[str, ...] = ()
-    """Columns the policy sees beside the task's: tilt, normal, spin, wrench; of
+    """Columns the policy sees beside the task's: tilt, mouth, spin, wrench; of
     simulations force and parts, the joints of parts that move."""
     recall: tuple[int, ...] = ()
     """Ages [steps] of past tool positions that the policy sees. Past tilts are added if

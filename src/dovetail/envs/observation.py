@@ -24,8 +24,6 @@ THETA_SCALE = 0.02
 """The same for the rotation about the vertical [rad]."""
 VELOCITY_SCALE = 0.02
 """The same for the velocity [m/s]."""
-NORMAL_SCALE = 0.1
-"""The same for the fixture's normal [1]: its sideways parts tell the tilt [rad]."""
 FORCE_SCALE = 1.0
 """The same for forces [N]."""
 MOMENT_SCALE = 0.1
@@ -110,11 +108,11 @@ GROUPS: Mapping[str, Group] = {
         5.1,  # 3.2 rad
         lambda s: rotation_error(s.state.tool.quat_wxyz, s.goal.quat_wxyz)[:2],
     ),
-    "normal": Group(
-        _columns("nx ny nz", "1", "out of the fixture, world axes"),
-        NORMAL_SCALE,
-        3.0,
-        attrgetter("goal.normal"),
+    "mouth": Group(
+        _columns("mouth_x mouth_y mouth_z", "m", "tool minus the mouth, world axes"),
+        POSITION_SCALE,
+        7.0,  # 2.2 m
+        lambda s: s.position_error - s.goal.depth() * s.goal.normal,
     ),
     "velocity": Group(
         _columns("vx vy vz", "m/s", "tool, world axes"),

@@ -52,7 +52,7 @@ class DrawnOpening(IntoOpening):
     """Ranges of starts and fixtures."""
     tilt: float = 0.0
     """Half range of the fixture's tilt about its own x and y [rad]; up to 0.2.
-    Above 0 B and C are commanded, and the policy sees tilt and normal."""
+    Above 0 B and C are commanded, and the policy sees tilt and mouth."""
     facing: FacingName = "up"
     """Way that the fixture opens: up, or towards the robot, in a wall, with a level
     tool. Then B and C are commanded, too."""
@@ -90,7 +90,7 @@ class DrawnOpening(IntoOpening):
 
     def _let_turn(self, way: Facing) -> None:
         """Let the tool turn to such fixtures, show the turn, and try them."""
-        shown = [name for name in ("tilt", "normal") if name not in self.columns]
+        shown = [name for name in ("tilt", "mouth") if name not in self.columns]
         tilts = self.tilt * np.array(TRIED_TILTS)
         poses = tuple(
             way.place(pose, *map(float, tilts[i % len(tilts)]))

@@ -38,6 +38,10 @@ class Goal(NamedTuple):
     surface: float
     """Position of that surface along the normal [m]."""
 
+    def depth(self) -> float:
+        """Return how far below the surface the goal is, along the normal [m]."""
+        return self.surface - float(self.normal @ self.position)
+
 
 class Progress(NamedTuple):
     """Progress of the task, by the fixture's true pose."""
