@@ -314,6 +314,7 @@ class _World:
         self._simulator = drake.Simulator(self._diagram)
         self._context = self._simulator.get_mutable_context()
         self._own = plant.GetMyMutableContextFromRoot(self._context)
+        self._steps = 0
         self._torques = plant.get_applied_generalized_force_input_port()
         self._results = plant.get_contact_results_output_port()
 
@@ -490,6 +491,7 @@ class _World:
     def begin(self, q: Array, dq: Array, fixture: Pose) -> None:
         """Put arm, parts' joints and fixture somewhere, at time 0."""
         self._context.SetTime(0.0)
+        self._steps = 0
         self.place(fixture)
         self._plant.SetPositions(self._own, self._ordered(q, self._places))
         self._plant.SetVelocities(self._own, self._ordered(dq, self._speeds))
@@ -535,7 +537,10 @@ class _World:
     def advance(self, tau: Array) -> None:
         """Hold joint torques [Nm, N] for a step."""
         self._torques.FixValue(self._own, self._ordered(tau, self._speeds))
-        self._simulator.AdvanceTo(self._context.get_time() + self.step)
+        # Not the time plus a step: rounded up, it would lie past the next update, and
+        # two steps would be made at once.
+        self._steps += 1
+        self._simulator.AdvanceTo(self._steps * self.step)
 
     def contact_force(self) -> Vec3:
         """Return the force on the tool [N], world."""

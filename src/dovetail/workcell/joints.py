@@ -26,9 +26,9 @@ if TYPE_CHECKING:
     from dovetail import _core
 
 STEPS = 2.0 * math.pi
-"""Fewest physics steps in a period of a spring's vibration: below it, more than nine
-tenths of a swing would be lost to the step, and a snap would take longer than it
-should."""
+"""Fewest physics steps in a period of a spring's vibration. With x = omega h a step
+leaves (1 + x^2)^(-1/2) of a swing and turns by atan x: at this limit, x = 1, 0.11 of it
+is left after a period's steps, which is 1.27 times as long; at x = 0.1, 0.73."""
 _UNITS = {"hinge": ("rad", "Nm", "kg m2"), "slide": ("m", "N", "kg")}
 
 
