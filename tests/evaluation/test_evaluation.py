@@ -157,6 +157,7 @@ CHANGES = [
     {"fixture_shift": 0.02, "accept_contact": True, "period": 0.0025},
     {"delay": 0.0125, "mass_error": 0.3, "payload_error": 1.5},
     {"fall_back": 0.0, "tracker": "late?bias=0.002", "video": True},
+    {"grasp_error": 0.002, "grasp_turn": 0.04},
     {"cell": Path(__file__).parents[2] / "examples" / "cell.toml"},
 ]
 NOT_TOLD = {"out", "workers", "keep_logs"}

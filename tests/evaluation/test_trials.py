@@ -12,6 +12,7 @@ from dovetail.envs.config import EnvConfig
 from dovetail.envs.contact_env import ContactEnv
 from dovetail.envs.free_start import Overlap, OverlapError, StartError
 from dovetail.envs.observation import GROUPS, USUAL_GROUPS
+from dovetail.envs.registered import find_cell
 from dovetail.episode import Episode
 from dovetail.errors import ArmError, ConfigError
 from dovetail.evaluation import trials
@@ -44,6 +45,7 @@ class FallingEnv(ContactEnv):
         self.commands = SimpleNamespace(axes=("X", "Y", "Z", "A"), scale=[4.0] * 4)
         columns = [column for name in USUAL_GROUPS for column in GROUPS[name].columns]
         self.scaling = SimpleNamespace(columns=columns)
+        self.cell = find_cell()
 
     def reset(self, *, seed=None, options=None):
         gym.Env.reset(self, seed=seed)
