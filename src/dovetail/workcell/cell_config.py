@@ -134,7 +134,7 @@ class CellConfig(TableConfig, ToolConfig, BoundsConfig):
         given = [name for name in names if vars(self)[name] is not None]
         missing = [name for name in names if name not in given]
         if missing and (given or beside):
-            units = {**ranges_of(CellConfig)}
+            units = ranges_of(CellConfig)
             wanted = ", ".join(f"{n} [{units[n].unit}]" for n in missing)
             raise ConfigError(
                 f"{beside or ' and '.join(given)} is given without {wanted}: give "
@@ -146,11 +146,6 @@ class CellConfig(TableConfig, ToolConfig, BoundsConfig):
     def file(self) -> str:
         """Path of the file that it was read from, else a name for one."""
         return str(vars(self).get("_file", "cell.toml"))
-
-    @property
-    def has_region(self) -> bool:
-        """True if it says where fixtures stand."""
-        return self.fixture_low is not None
 
     def table(self) -> dict[str, Any]:
         """Return what differs from the usual cell, by key, as a file holds it."""
