@@ -289,6 +289,5 @@ def _require_turning(task: Task, place: FixturePose) -> None:
         raise ConfigError(
             f"the fixture is tilted, and the policy's task '{task.axes}' holds "
             f"{' and '.join(held)} where a try starts, so that the tool cannot turn to "
-            "it; take a policy that commands B and C: peg_near, or one trained with "
-            "--tilt"
+            "it; take a policy that commands B and C, such as one trained with --tilt"
         )
