@@ -144,6 +144,10 @@ class EncoderPlant:
         """Return the force on the tool in the last physics step [N], world."""
         return self.plant.contact_force()
 
+    def part_positions(self) -> Array:
+        """Return the true positions of the parts' joints [rad, m]."""
+        return self.plant.part_positions()
+
     def contact_force_peak(self) -> Vec3:
         """Return the largest such force during the last `apply` [N], world."""
         return self.plant.contact_force_peak()

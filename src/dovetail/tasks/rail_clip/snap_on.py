@@ -102,7 +102,7 @@ class SnapOnRail(Task):
         aside = math.hypot(*(error - height * goal.normal))
         turn = theta_about_vertical(state.tool.quat_wxyz, goal.quat_wxyz)
         is_seated = abs(height) < _SEATED and aside < _ASIDE and abs(turn) < _TURNED
-        is_in = not len(state.parts) or float(state.parts[0]) < 0.3 * OVERLAP
+        is_in = not len(state.parts) or float(state.parts[0]) < 0.5 * OVERLAP
         return Progress(-height, is_seated and is_in)
 
     def slack(self) -> float:
