@@ -31,7 +31,7 @@ class Compare(ComparisonConfig):
 
 COMMON = (
     *("policies", "twin", "arm", "plant", "env", "task_options", "tracker", "fixture"),
-    *("cell", "tries", "error_rate", "seed", "workers", "fixture_shift", "push"),
-    *("tare", "fall_back", "period", "robot", "accept_contact", "out"),
+    *("cell", "tries", "error_rate", "seed", "fixture_shift", "push"),
+    *("tare", "period", "accept_contact", "out"),
 )
 """Settings that `--help` lists."""

@@ -28,7 +28,7 @@ class Evaluate(EvaluationConfig):
 COMMON = (
     *("policy", "twin", "arm", "plant", "env", "task_options", "tracker", "fixture"),
     *("cell", "tries", "seed", "fixture_shift", "push", "search"),
-    *("tare", "fall_back", "period", "robot", "accept_contact", "video", "out"),
+    *("tare", "period", "video", "out"),
 )
 """Settings that `--help` lists."""
 

@@ -66,7 +66,7 @@ class Export(PolicyEnvConfig):
 
 COMMON = (
     *("model", "out", "trust", "env", "task_options", "task", "f_scale"),
-    *("force_damping", "theta_range", "position_range", "near_speed", "near_press"),
+    *("force_damping", "theta_range", "near_speed", "near_press"),
     *("period", "max_steps", "also", "recall", "stack", "robot", "cell"),
 )
 """Settings that `--help` lists."""

@@ -98,8 +98,9 @@ class ApproachConfig:
     near_speed: Annotated[float, NEAR_SPEED] = 0.02
     """Speed limit of the tool there, per axis [m/s]."""
     near_press: Annotated[float, NEAR_PRESS] = 1.5
-    """Largest f* towards the fixture there [m/s2], tare not counted. Times the
-    effective mass, about 10 kg, it is the force of standing on the rim."""
+    """Largest f* towards the fixture there [m/s2].
+    The tare is not counted. Times the effective mass, about 10 kg, it is the force of
+    standing on the rim."""
     near_distance: Annotated[float, Range(0.0, 1.0, "m")] = 0.01
     """Height above the fixture's mouth below which contact is near [m]."""
 
@@ -120,8 +121,8 @@ class ObservationConfig:
     """Observation of the policy: the task's columns, and more."""
 
     also: tuple[str, ...] = ()
-    """Columns the policy sees beside the task's: tilt, mouth, spin, wrench; of
-    simulations force and parts, the joints of parts that move."""
+    """Columns the policy sees beside the task's: tilt, mouth, spin or wrench.
+    Of simulations also force and parts, the joints of parts that move."""
     recall: tuple[int, ...] = ()
     """Ages [steps] of past tool positions that the policy sees. Past tilts are added if
     the tilt is shown; with any age the last action is added, too."""

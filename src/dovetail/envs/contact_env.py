@@ -42,7 +42,7 @@ from dovetail.errors import ConfigError, DovetailError, ReachError
 from dovetail.poses import UNMOVED, Pose, compose
 from dovetail.robots.find import find_robot
 from dovetail.tasks.grasp import Grasp
-from dovetail.tasks.region import Region, require_region
+from dovetail.tasks.region import Region
 from dovetail.tasks.task import Goal, Progress, Task
 from dovetail.trackers.find import TrackerContext, find_tracker
 from dovetail.trackers.tracker import Tracker, close_tracker
@@ -202,7 +202,7 @@ class ContactEnv(
         require_task(self.task, self.arm.facts.robot)
         if (cell := self.config.cell) is not None:
             margin = margin_of(self.task, self.arm)
-            require_region(self.task, cell, self.cell, margin)
+            self.task.require_region(cell, self.cell, margin)
         require_columns(self.arm, (*self.task.columns, *self.config.also))
         self.max_steps = self.config.max_steps
         facts, seen, own = self.arm.facts, self.config, self.task.columns

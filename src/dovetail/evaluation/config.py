@@ -45,9 +45,9 @@ class TriedTaskConfig:
     task_options: dict[str, Any] = field(default_factory=dict)
     """Fields of the task; left out, they are the policy's."""
     fixture: Placement = None
-    """Place of the fixture: x y z [m] of its frame and yaw [rad], world axes; two more
-    numbers are its tilts B C [rad], about y and x. Default three poses, which an arm
-    must be able to put the fixture at."""
+    """Place of the fixture: x y z [m], yaw and perhaps tilts B C [rad].
+    World axes; B and C are about its y and x. Default three poses, which an arm must be
+    able to put the fixture at."""
     cell: CellFile = None
     """Cell file: table, tool, walls, and where fixtures stand. Left out, the cell is
     that of the policy's training; an empty file is the task's own."""

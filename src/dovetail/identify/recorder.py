@@ -63,9 +63,9 @@ class RecordedArmConfig:
     arm: str = "twin:medium"
     """Arm: mujoco, bullet, drake, twin:NAME, fri://HOST:PORT, grpc://HOST:PORT."""
     period: Period = DEFAULT_PERIOD
-    """Control period: 1ms, 2ms, 2.5ms or 5ms; an address may give its own."""
+    """Control period: 1ms, 2ms, 2.5ms or 5ms."""
     robot: str = USUAL.robot
-    """Robot in the cell: one of dovetail's, or MODULE:FUNCTION of your own."""
+    """Robot, or MODULE:FUNCTION of your own."""
     cell: CellFile = None
     """Cell file: table, tool, walls and fixture."""
 
@@ -75,14 +75,13 @@ class MotionsConfig:
     """The scripted config."""
 
     seed: int = 0
-    """Seed of the excitation and the starts; another one makes a held-out log."""
+    """Seed; another one makes a held-out log."""
     sequences: int = 10
     """Number of sequences."""
     steps: int = 50
     """Policy steps of 50 ms of each."""
     f_scale: float = 8.0
-    """Acceleration f* of X Y Z at action 1 [m/s2]: twice a policy's, for a speed up to
-    0.2 m/s of the 0.25 m/s allowed."""
+    """f* of X Y Z at action 1 [m/s2], for a speed up to 0.2 m/s."""
     force_damping: float = FORCE_DAMPING
     """Damping of X Y Z [1/s]."""
 
@@ -96,8 +95,7 @@ class RecordedTaskConfig:
     task_options: dict[str, Any] = field(default_factory=dict)
     """Fields of the task; left out, they are its own."""
     fixture: Placement = None
-    """Pose of the fixture: x y z [m] of its frame and yaw [rad], world axes; two more
-    numbers are its tilts B C [rad], about y and x. Left out, it is the task's own."""
+    """Place of the fixture: x y z [m], yaw and perhaps tilts B C [rad]; or its own."""
     allow_contact: bool = False
     """Keep a sequence in which the held part touched something."""
 

@@ -51,11 +51,11 @@ class DrawnOpening(IntoOpening):
     randomisation: RandomisationConfig = field(default_factory=RandomisationConfig)
     """Ranges of starts and fixtures."""
     tilt: float = 0.0
-    """Half range of the fixture's tilt about its own x and y [rad]; up to 0.2.
-    Above 0 B and C are commanded, and the policy sees tilt and mouth."""
+    """Largest tilt of the fixture [rad], to 0.2.
+    It is about its own x and y. Above 0 B and C are commanded, and the policy sees tilt and mouth."""
     facing: FacingName = "up"
-    """Way that the fixture opens: up, or towards the robot, in a wall, with a level
-    tool. Then B and C are commanded, too."""
+    """Way that it opens: up, or robot.
+    Robot is towards it, in a wall, with a level tool. Then B and C are commanded."""
 
     trial_poses: ClassVar[tuple[FixturePose, ...]] = (
         FixturePose("A", 0.56, -0.045, 0.085, -0.15),

@@ -1,18 +1,13 @@
 """The region of the world in which a task's fixtures stand."""
 
-from typing import TYPE_CHECKING, NamedTuple, Self
+from typing import NamedTuple, Self
 
 import numpy as np
 
-from dovetail.errors import ConfigError
 from dovetail.poses import Pose, quat_about_z, quat_multiply
 from dovetail.tasks.fixture_pose import FixturePose
 from dovetail.types import Vec3
 from dovetail.workcell.cell_config import CellConfig
-
-if TYPE_CHECKING:
-    from dovetail.tasks.task import Task
-    from dovetail.workcell.workcell import Workcell
 
 
 class Region(NamedTuple):
@@ -113,45 +108,3 @@ class Region(NamedTuple):
             for z in axes[2]
             for yaw in sorted(set(self.yaw))
         ]
-
-
-def require_region(
-    task: "Task", cell: CellConfig, fitted: "Workcell", margin: float = 0.005
-) -> None:
-    """Refuse a cell whose table, tool or walls keep the task from where it is tried.
-
-    Args:
-        task: Its places.
-        cell: The region of fixtures, if it gives one.
-        fitted: Table, tool and walls.
-        margin: Least distance of a place from the walls [m].
-
-    Raises:
-        ConfigError: Names the key, the place and what to write.
-    """
-    region = Region.of(cell)
-    if region is None:
-        keys = "the task's own fixtures (give fixture_low, fixture_high, fixture_yaw)"
-        poses = [place.pose() for place in task.trial_poses]
-    else:
-        keys = "fixture_low to fixture_high"
-        poses = region.corners(task.trial_poses[0].facing)
-    low, high = (np.array(wall) for wall in fitted.walls)
-    for pose in poses:
-        try:
-            fitted.require_reachable(pose)
-        except ConfigError as error:
-            raise ConfigError(f"cell: {keys}: {error}") from error
-        for name, point in task.places(pose).items():
-            excess = np.maximum(low - point, point - high) + margin
-            i = int(excess.argmax())
-            if excess[i] > 1e-9:
-                raise ConfigError(
-                    f"cell: {keys}: the {fitted.fixture.name}'s {name} is at "
-                    f"{'xyz'[i]} = {point[i]:.4f} m, the walls allow "
-                    f"{low[i] + margin:g} to {high[i] - margin:g} m: move the "
-                    "fixtures, or walls_low and walls_high",
-                    name=f"walls_low[{'xyz'[i]}]",
-                    value=float(point[i]),
-                    unit="m",
-                )

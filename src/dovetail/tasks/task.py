@@ -10,11 +10,12 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import numpy as np
 
+from dovetail.errors import ConfigError
 from dovetail.poses import Pose, matrix_from_quat
 from dovetail.robots.robot import Robot
 from dovetail.tasks.fixture_pose import FixturePose
 from dovetail.tasks.grasp import Grasp
-from dovetail.tasks.region import Region, require_region
+from dovetail.tasks.region import Region
 from dovetail.tasks.reward import RewardConfig, distance_reward
 from dovetail.types import Array, Vec3, Vec4
 from dovetail.workcell.cell_config import CellConfig
@@ -245,8 +246,50 @@ class Task(ABC):
         if cell is None:
             return usual
         fitted = cell.fit(usual)
-        require_region(self, cell, fitted)
+        self.require_region(cell, fitted)
         return fitted
+
+    def require_region(
+        self, cell: CellConfig, fitted: Workcell, margin: float = 0.005
+    ) -> None:
+        """Refuse a cell that keeps the task from where it is tried.
+
+        Args:
+            cell: The region of fixtures, if it gives one.
+            fitted: Table, tool and walls.
+            margin: Least distance of a place from the walls [m].
+
+        Raises:
+            ConfigError: Names the key, the place and what to write.
+        """
+        region = Region.of(cell)
+        if region is None:
+            keys = (
+                "the task's own fixtures (give fixture_low, fixture_high, fixture_yaw)"
+            )
+            poses = [place.pose() for place in self.trial_poses]
+        else:
+            keys = "fixture_low to fixture_high"
+            poses = region.corners(self.trial_poses[0].facing)
+        low, high = (np.array(wall) for wall in fitted.walls)
+        for pose in poses:
+            try:
+                fitted.require_reachable(pose)
+            except ConfigError as error:
+                raise ConfigError(f"cell: {keys}: {error}") from error
+            for name, point in self.places(pose).items():
+                excess = np.maximum(low - point, point - high) + margin
+                i = int(excess.argmax())
+                if excess[i] > 1e-9:
+                    raise ConfigError(
+                        f"cell: {keys}: the {fitted.fixture.name}'s {name} is at "
+                        f"{'xyz'[i]} = {point[i]:.4f} m, the walls allow "
+                        f"{low[i] + margin:g} to {high[i] - margin:g} m: move the "
+                        "fixtures, or walls_low and walls_high",
+                        name=f"walls_low[{'xyz'[i]}]",
+                        value=float(point[i]),
+                        unit="m",
+                    )
 
     def trial_poses_in(self, cell: CellConfig | None) -> tuple[FixturePose, ...]:
         """Return the poses of the fixture when a policy is tried in a cell."""

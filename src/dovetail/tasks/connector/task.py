@@ -50,9 +50,9 @@ class Connector(DrawnOpening):
         "theta_range": 0.1,
         "steps": 120_000,
     }
-    """Where the plug is in the fingers shows in where it has been and met something, so
-    the policy remembers and its critics are told. It turns by a tenth of a radian, no
-    more than the plug may be askew, and learns from more steps than usual."""
+    """A policy finds out by touch how the plug is held, so it remembers where it has
+    been, and its critics are told. It turns by a tenth of a radian at most, and learns
+    from more steps than usual."""
     grasp: ClassVar[Grasp] = Grasp(0.002, 0.04)
     """As the grasp of the AI for Industry Challenge."""
     columns: ClassVar[tuple[str, ...]] = (
