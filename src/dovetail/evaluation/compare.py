@@ -51,7 +51,7 @@ class ComparedTriesConfig:
     """The tries and their results."""
 
     tries: Annotated[int, Range(1, TRIES_MAX, "tries")] = 200
-    """Most tries of each policy, over all poses of the fixture."""
+    """Most tries of each policy, all poses together."""
     error_rate: Annotated[float, Range(1e-4, 0.5, "1")] = 0.05
     """Chance of naming a better one where all are equally good."""
     seed: int = 0

@@ -81,7 +81,7 @@ class MotionsConfig:
     steps: int = 50
     """Policy steps of 50 ms of each."""
     f_scale: float = 8.0
-    """f* of X Y Z at action 1 [m/s2], for a speed up to 0.2 m/s."""
+    """f* of X Y Z at action 1 [m/s2], for up to 0.2 m/s."""
     force_damping: float = FORCE_DAMPING
     """Damping of X Y Z [1/s]."""
 
@@ -95,7 +95,7 @@ class RecordedTaskConfig:
     task_options: dict[str, Any] = field(default_factory=dict)
     """Fields of the task; left out, they are its own."""
     fixture: Placement = None
-    """Place of the fixture: x y z [m], yaw and perhaps tilts B C [rad]; or its own."""
+    """Place of the fixture: x y z [m], yaw, perhaps tilts B C [rad]."""
     allow_contact: bool = False
     """Keep a sequence in which the held part touched something."""
 
@@ -107,7 +107,7 @@ class RecordConfig(
     """Settings of a recording: motions, arm, task and folder."""
 
     out: Path
-    """Folder for the recording; one that was cut short is continued."""
+    """Folder for the recording; one cut short goes on."""
 
 
 def record(

@@ -40,7 +40,8 @@ class RunsConfig:
     """Continue the run in `out` from its newest checkpoint, with its settings. On the
     command line only an arm outside this process has to be given again."""
     seed: Annotated[int, Range(0, 2**31 - 1, "1")] = 0
-    """Seed of everything random, with `seeds` of the first run."""
+    """Seed of everything random.
+    With `seeds` it is that of the first run."""
     seeds: Annotated[int, Range(1, 1000, "runs")] = 1
     """Runs with seeds seed, seed + 1, ..., as many at once as cores."""
     num_envs: Annotated[int, Range(1, 256, "environments")] = 16

@@ -52,7 +52,8 @@ class DrawnOpening(IntoOpening):
     """Ranges of starts and fixtures."""
     tilt: float = 0.0
     """Largest tilt of the fixture [rad], to 0.2.
-    It is about its own x and y. Above 0 B and C are commanded, and the policy sees tilt and mouth."""
+    It is about its own x and y. Above 0 B and C are commanded, and the policy sees tilt
+    and mouth."""
     facing: FacingName = "up"
     """Way that it opens: up, or robot.
     Robot is towards it, in a wall, with a level tool. Then B and C are commanded."""
