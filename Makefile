@@ -47,7 +47,7 @@ LEROBOT_PINS := tests/learn/lerobot.txt
 SETTINGS := pyproject.toml constraints.txt CMakeLists.txt
 CPP := $(shell find cpp -name '*.[ch]pp')
 PACKAGE := $(shell find src -type f -not -name '*.pyc' -not -name '*.so')
-EXTRAS := bullet,drake,learn,log,rpc,identify,reproduce,cluster,camera,view,teach,test,lint,docs
+EXTRAS := bullet,drake,learn,log,rpc,identify,reproduce,cluster,camera,view,teach,parts,test,lint,docs
 
 .PHONY: demo test test-cpp test-sanitized test-python test-fast fuzz lint figures proto format \
   wheel wheel-test clean

@@ -53,6 +53,7 @@ TINY = {
         "--pictures 6 --width 640 --calibrations 1 --plantings 2 --poses 8",
         "to pose",
     ),
+    "aic_score": ("peg_square --tries 1 --tracker truth", "points of 300"),
     "blind_baselines": ("dovetail/PegInHole-v0 --most 2 --tries 1", "straight push"),
     "cabinet_rate": ("--plant mujoco --seconds 0.1", "periods/s"),
     "cockpit": ("--seconds 1 --moves 2 --clicks 2 --garbage 200", "load"),

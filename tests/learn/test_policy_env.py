@@ -31,6 +31,7 @@ def test_the_shipped_policies_run_where_they_were_trained_for(name):
     settings = policy_settings(policy.metadata)
     # Settings that an older file does not have.
     later = {"also", "recall", "script", "correction", "fall_back", "cell"}
+    later |= {"grasp_error", "grasp_turn"}
     assert set(settings) | later == {*CHOSEN, "peg", "clearance"}
     # What searches is faster near contact; nothing else is laxer than usual.
     fast = {"search_square": 0.05, "peg_near": 0.022}.get(name)

@@ -59,8 +59,11 @@ def test_of_several_options_every_pair_is_there():
             "4 values of clearance and peg to 3 environments",
         ),
         ({"vary": "peg=square&peg=round"}, "names an option twice"),
-        ({"vary": "pig=square"}, "needed: NAME=A,B with one of peg, clearance"),
-        ({"vary": "peg"}, "needed: NAME=A,B with one of peg, clearance"),
+        (
+            {"vary": "pig=square"},
+            "needed: NAME=A,B with one of tilt, facing, peg, clearance",
+        ),
+        ({"vary": "peg"}, "with one of tilt, facing, peg, clearance"),
         ({"vary": "clearance=0.001,wide"}, "could not convert string to float"),
     ],
 )

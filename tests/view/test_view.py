@@ -121,7 +121,7 @@ def test_a_long_film_never_has_all_its_pictures_at_once(tmp_path):
     class Still:
         most = drawn = 0
 
-        def draw(self, q, fixture, force, path, believed):
+        def draw(self, q, fixture, force, path, believed, parts):
             self.drawn += 1
             if self.drawn % 25 == 0:  # to look at every object takes a second
                 things = gc.get_objects()

@@ -118,10 +118,11 @@ def _require_same(path: Path, steps: RecordedSteps, core: ContactEnv) -> None:
     own = here[CELL]
     pairs = [(name, steps.cell.get(name), own[name]) for name in ("env_id", "robot")]
     task = steps.cell.get("task")
+    usual = {f.name: f.default for f in fields(core.task)}  # where a log is older
     for name, value in own["task"].items():
         # A gap may be another one: a wider one is where one begins to demonstrate.
         if isinstance(value, str) and name != "axes" and isinstance(task, Mapping):
-            pairs.append((name, task.get(name), value))
+            pairs.append((name, task.get(name, usual[name]), value))
     theirs, ours = steps.cell.get("cell") or {}, own.get("cell") or {}
     pairs += [("cell", theirs, ours)] if theirs != ours else []
     pairs += [(name, steps.action.get(name), here[ACTION][name]) for name in MEANT]

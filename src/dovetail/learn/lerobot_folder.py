@@ -157,7 +157,8 @@ def _write(episodes: list[RecordedSteps], folder: Path) -> None:
 def _task_name(steps: RecordedSteps) -> str:
     own = steps.cell.get("task")
     own = own if isinstance(own, Mapping) else {}
-    words = [v for k, v in own.items() if isinstance(v, str) and k != "axes"]
+    plain = ("axes", own.get("axes")), ("facing", "up")  # that go without saying
+    words = [v for k, v in own.items() if isinstance(v, str) and (k, v) not in plain]
     return ", ".join([str(steps.cell.get("env_id", "")), *words])
 
 

@@ -40,7 +40,9 @@ def place_run(config: TrainConfig) -> TrainConfig:
     name = config.env.replace(":", "/").rpartition("/")[2]
     if config.env == DEFAULT_ENV:
         options, kinds = config.env_options(), option_types(config.task_class)
-        name = "_".join(f"{k}_{options[k]}" for k in kinds if kinds[k] is str)
+        own = vars(config.task_class)["__annotations__"]
+        words = (k for k in kinds if kinds[k] is str and k in own)
+        name = "_".join(f"{k}_{options[k]}" for k in words)
     return replace(config, out=dated_folder("runs", f"{name}-"))
 
 
