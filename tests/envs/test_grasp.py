@@ -3,9 +3,12 @@
 import gymnasium as gym
 import numpy as np
 import pytest
+from rich.console import Console
 
+from dovetail.episode import Episode
 from dovetail.errors import ConfigError
 from dovetail.evaluation.config import EvaluationConfig, environment_options
+from dovetail.evaluation.evaluate import evaluate
 from dovetail.learn.policy import Policy, find_policy
 from dovetail.poses import UNMOVED, rotation_error
 from dovetail.tasks.grasp import Grasp
@@ -79,3 +82,19 @@ def test_an_evaluation_may_hold_the_part_otherwise_than_the_training(tmp_path):
     )
     assert options["grasp_error"] == 0.002
     assert "grasp_turn" not in options
+
+
+def test_the_log_of_a_try_says_where_the_part_was(tmp_path):
+    config = EvaluationConfig(
+        policy="peg_square",
+        plant="mujoco",
+        tries=1,
+        max_steps=2,
+        grasp_error=0.002,
+        out=tmp_path / "out",
+    )
+    result = evaluate(config, Console(quiet=True))
+    logs = [Episode.load(path) for path in sorted((result.folder / "logs").iterdir())]
+    told = [log.metadata["grasp (m, wxyz)"] for log in logs]
+    assert all(len(numbers) == 7 for numbers in told)
+    assert len({tuple(numbers) for numbers in told}) == 3

@@ -139,7 +139,7 @@ def test_begin_and_step_take_the_same_action():
     [
         ({"script": "spiral"}, "script 'spiral' is unknown; known: corner"),
         ({"correction": 1.5}, "correction is 1.5; allowed: 0 to 1"),
-        ({"task": "XYZ:force A:pose BC:hold"}, "corner search needs a task"),
+        ({"task": "XYZ:force A:pose BC:hold"}, "corner search needs the axes"),
     ],
 )
 def test_what_cannot_be_corrected_is_refused(change, words):

@@ -8,7 +8,7 @@ import pytest
 from dovetail.control.period import POLICY_PERIOD
 from dovetail.envs.contact_env import ContactEnv
 from dovetail.envs.log_facts import ACTION, describe_cell
-from dovetail.envs.registered import make_batch, make_env
+from dovetail.envs.registered import make, make_batch, make_env
 from dovetail.envs.teleop import TeleopWrapper
 from dovetail.envs.unwrapped import require_contact_env
 from dovetail.errors import ConfigError
@@ -16,7 +16,7 @@ from dovetail.evaluation.config import EvaluationConfig, environment_options
 from dovetail.learn.config import TrainConfig
 from dovetail.learn.policy import Policy, find_policy
 from dovetail.learn.policy_env import policy_settings
-from dovetail.search.corner import SEARCH_AXES
+from dovetail.search.corner import SEARCH_AXES, CornerSearch
 from dovetail.search.fall_back_env import FallBackEnv
 from dovetail.tasks.peg_in_hole.task import PegInHole
 
@@ -109,7 +109,7 @@ def test_what_cannot_be_is_refused():
         made(fall_back=-1.0)
     with pytest.raises(ConfigError, match="whose corrections fade"):
         made(script="corner")
-    with pytest.raises(ConfigError, match="needs a task with an opening"):
+    with pytest.raises(ConfigError, match="needs the axes"):
         made(task="XYZ:force A:pose BC:hold")
 
 
@@ -158,3 +158,9 @@ def test_a_policy_that_begins_late_has_its_whole_time():
         assert not env.is_searching
         env.step(DOWN)
     assert env.is_searching
+
+
+def test_a_search_needs_an_opening_that_the_task_tells_of():
+    env = make("dovetail/GearMesh-v0", task=SEARCH_AXES).unwrapped
+    with pytest.raises(ConfigError, match="GearMesh has no outline"):
+        CornerSearch(env)

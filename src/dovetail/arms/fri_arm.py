@@ -433,7 +433,7 @@ class FriArm:
         if self._address.reset != "place":
             raise ArmError(
                 "a reset that drives the arm leaves the part as it is held: give "
-                "reset=place in the address, or leave grasp_error out",
+                "reset=place in the address, or --grasp-error 0 --grasp-turn 0",
                 "no_control",
             )
         self._require_control().grasp(offset)

@@ -228,9 +228,10 @@ class ContactEnv(
         self._seen = self._true = b"", b""
         self._velocity, self._followed = FixtureVelocity(), STANDS
         error, turn = self.config.grasp_error, self.config.grasp_turn
-        own = self.task.grasp
+        usual = self.task.grasp
         self.grasp_range = Grasp(
-            own.error if error is None else error, own.turn if turn is None else turn
+            usual.error if error is None else error,
+            usual.turn if turn is None else turn,
         )
         self._is_force = np.array([m == FORCE for m in self.axes.modes[:3]])
         self._begun: NDArray[np.float32] | None = None

@@ -36,7 +36,7 @@ from dovetail.evaluation.outcome import (
 )
 from dovetail.learn.policy import Actor
 from dovetail.plants.plant import COLUMN, CYCLE_COLUMNS, FLAG_MASK
-from dovetail.poses import Pose, matrix_from_quat
+from dovetail.poses import UNMOVED, Pose, matrix_from_quat
 from dovetail.search.script import CornerScript
 from dovetail.settings import in_count
 from dovetail.tasks.fixture_pose import FixturePose
@@ -131,6 +131,8 @@ class TrialRunner:
         done, stopped, said = False, "", ""
         about = self._describe(job) | {"tare [m/s2, rad/s2]": tare}
         about |= describe_first(self._env, info["observation_raw"])
+        if (grasp := self._core.grasp) is not UNMOVED:
+            about |= {"grasp (m, wxyz)": np.concatenate(grasp).round(9).tolist()}
         names = {
             "observed": observed_columns(self._env),
             "parts": part_columns(self._env),

@@ -85,10 +85,14 @@ class CornerSearch:
         """
         self.config = config or CornerSearchConfig()
         outline = env.task.outline()
-        if outline is None or env.axes != TaskSpec.parse(SEARCH_AXES):
+        if outline is None:
             raise ConfigError(
-                f"a corner search needs a task with an opening and the axes "
-                f"'{SEARCH_AXES}'; here it is {type(env.task).__name__} with "
+                f"a corner search needs a task that tells of its opening; "
+                f"{type(env.task).__name__} has no outline()"
+            )
+        if env.axes != TaskSpec.parse(SEARCH_AXES):
+            raise ConfigError(
+                f"a corner search needs the axes '{SEARCH_AXES}'; here they are "
                 f"'{env.axes}': add --task '{SEARCH_AXES}'"
             )
         self._env = env
