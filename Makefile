@@ -5,6 +5,7 @@
 # make test-fast   three of five Python tests, in a minute and a half: tests/slow.txt has the others
 # make lint    what CI checks besides the tests
 # make docs    build the site into site/; a link or a name that is missing is an error
+# make rehearse-franka   the Franka's loop against franka-sim, a simulator of its control box
 # make proto   generate the gRPC messages from proto/dovetail.proto
 # make format  write Python and C++ in the house's format
 # make wheel   build the wheel of this machine's PYTHON into dist/, for any processor
@@ -47,9 +48,9 @@ LEROBOT_PINS := tests/learn/lerobot.txt
 SETTINGS := pyproject.toml constraints.txt CMakeLists.txt
 CPP := $(shell find cpp -name '*.[ch]pp')
 PACKAGE := $(shell find src -type f -not -name '*.pyc' -not -name '*.so')
-EXTRAS := bullet,drake,learn,log,rpc,identify,reproduce,cluster,camera,view,teach,parts,test,lint,docs
+EXTRAS := bullet,drake,learn,log,rpc,identify,reproduce,cluster,camera,view,teach,parts,franka,test,lint,docs
 
-.PHONY: demo test test-cpp test-sanitized test-python test-fast fuzz lint figures proto format \
+.PHONY: demo test test-cpp test-sanitized test-python test-fast fuzz lint figures proto format rehearse-franka \
   wheel wheel-test clean
 
 demo: $(SET_UP)
@@ -100,6 +101,15 @@ docs: $(DEVELOP)
 
 figures: $(DEVELOP)
 	$(BIN)/python docs/figures.py $(ARGS)
+
+# The judge needs an older MuJoCo and NumPy: an environment of its own.
+$(VENV)/franka-sim/.set-up:
+	$(PYTHON) -m venv --clear $(VENV)/franka-sim
+	$(VENV)/franka-sim/bin/python -m pip install -q franka-sim==1.1.7 franky-sim==1.0.4
+	touch $@
+
+rehearse-franka: $(DEVELOP) $(VENV)/franka-sim/.set-up
+	$(BIN)/python benchmarks/rehearse_franka.py $(ARGS)
 
 proto: $(DEVELOP)
 	$(BIN)/python -m grpc_tools.protoc -Idovetail/rpc=proto --python_out=src \

@@ -29,6 +29,7 @@ from dovetail.control.config import LimitConfig, OscConfig
 from dovetail.control.limits import BOUNDS, SCHEMES
 from dovetail.envs.registered import find_cell
 from dovetail.poses import quat_about_z, quat_multiply
+from dovetail.robots.find import find_robot
 from dovetail.robots.robot import Robot
 
 TASK = "XYZ:force A:pose BC:hold"
@@ -39,8 +40,8 @@ CHECK = 1e-3  # s between two looks at the plant
 PUSH, PUSH_TIME = 30.0, 0.25  # N, s; on half of the time
 SPEED_NOISE = 1e-3  # rad/s, standard deviation
 MASS_SPREAD, MODELLED, COULOMB = 0.2, 0.8, 0.3  # share, share, Nm
-DAMPING, ARMATURE = 0.5, 0.1  # Nms/rad, kg m2, of the plant
 START_ROOM = 0.02  # m from the walls
+RATE_ROUNDING = 1e-6  # Nm/s
 LOST = 1e3  # rad or rad/s: the arm has blown up
 
 Array = NDArray[np.float64]
@@ -50,6 +51,7 @@ Array = NDArray[np.float64]
 class Settings:
     """What is attacked, and how."""
 
+    robot: str | None = None
     period: float = 1e-3
     scheme: str = "qp"
     bounds: str = "viability"
@@ -73,12 +75,15 @@ class Excess:
 
     count: int = 0
     worst: float = 0.0
+    axes: set[int] = field(default_factory=set)
+    """Joints or TCP axes that were over it, from 1."""
 
     def add(self, over: Array) -> None:
         """Count the looks of an episode, one row each, whose largest excess is > 0."""
         highest = over.max(axis=1)
         self.count += int((highest > 0).sum())
         self.worst = max(self.worst, float(highest.max()))
+        self.axes.update((np.flatnonzero((over > 0).any(axis=0)) + 1).tolist())
 
 
 @dataclass
@@ -94,13 +99,22 @@ class Report:
     position: Excess = field(default_factory=Excess)
     speed: Excess = field(default_factory=Excess)
     torque: Excess = field(default_factory=Excess)
+    tapered_speed: Excess = field(default_factory=Excess)
+    torque_rate: Excess = field(default_factory=Excess)
     wall: Excess = field(default_factory=Excess)
     tcp_speed: Excess = field(default_factory=Excess)
     episodes: list[int] = field(default_factory=list)
 
     def violations(self) -> int:
         """Return the looks at which a joint, a motor or a wall was over its limit."""
-        limits = (self.position, self.speed, self.torque, self.wall)
+        limits = (
+            self.position,
+            self.speed,
+            self.torque,
+            self.tapered_speed,
+            self.torque_rate,
+            self.wall,
+        )
         return sum(limit.count for limit in limits) + self.blown_up
 
 
@@ -114,7 +128,11 @@ def limits_of(robot: Robot, settings: Settings) -> LimitConfig:
         "last_line": settings.last_line,
     }
     if settings.mismatch:
-        overrides |= {"damping": MODELLED * DAMPING, "armature": MODELLED * ARMATURE}
+        motors = robot.motors
+        overrides |= {
+            "damping": MODELLED * motors.damping,
+            "armature": MODELLED * motors.armature,
+        }
     for name in ("estimate_rate", "delta_x", "delta_v"):
         if getattr(settings, name) is not None:
             overrides[name] = getattr(settings, name)
@@ -129,7 +147,8 @@ class Adversary:
     def __init__(self, settings: Settings, seed: int) -> None:
         self.settings = settings
         self.seed = seed
-        self.robot = find_cell().loaded_robot()
+        name = settings.robot
+        self.robot = find_robot(name) if name else find_cell().loaded_robot()
         self.chain = self.robot.chain()
         self.limits = limits_of(self.robot, settings)
         self.controller = make_controller(
@@ -165,7 +184,7 @@ class Adversary:
         self.last_push, self.next_push = np.zeros(3), np.zeros(3)
         looks = max(1, round(settings.period / CHECK))
         states: list[tuple[Array, Array]] = []
-        motor = np.empty((cycles, 7))
+        motor, overlay = np.empty((cycles, 7)), np.zeros((cycles + 1, 7))
         target = _core.Target()
         late = round(settings.delay / settings.period) if settings.mismatch else 0
         sent = deque([np.zeros(7)] * late)
@@ -185,13 +204,14 @@ class Adversary:
                 plant.set_external_force(self.force(k))
             result = self.controller.step(q, measured, target)
             motor[k] = result.tau + self.chain.gravity(q)
+            overlay[k + 1] = result.tau
             self.count_flags(result.flags)
             sent.append(result.tau)
             tau = sent.popleft()
             for _ in range(looks):
                 plant.apply(tau, settings.period / looks)
                 states.append(plant.read())
-        self.inspect(states, motor[:done])
+        self.inspect(states, motor[:done], overlay[: done + 1])
 
     def start(self) -> Array:
         """Return a posture inside joint limits and, where they are on, walls [rad]."""
@@ -208,9 +228,10 @@ class Adversary:
 
     def plant(self) -> _core.RigidPlant:
         """Return the arm: exactly the controller's model, or wrong in everything."""
+        motors = self.robot.motors
         if not self.settings.mismatch:
             return _core.RigidPlant(
-                self.chain, damping=np.full(7, DAMPING), armature=np.full(7, ARMATURE)
+                self.chain, damping=motors.damping, armature=motors.armature
             )
         scale = self.rng.uniform(1 - MASS_SPREAD, 1 + MASS_SPREAD, 7)
         links = self.robot.links
@@ -222,8 +243,8 @@ class Adversary:
         actual = replace(self.robot, links=links)
         return _core.RigidPlant(
             actual.chain(),
-            damping=np.full(7, DAMPING),
-            armature=np.full(7, ARMATURE),
+            damping=motors.damping,
+            armature=motors.armature,
             coulomb=np.full(7, COULOMB),
             nominal=self.chain,
         )
@@ -265,7 +286,9 @@ class Adversary:
         counts["qp_early"] += flags.qp_early
         counts["displaced"] += flags.wall_displaced != 0
 
-    def inspect(self, states: list[tuple[Array, Array]], motor: Array) -> None:
+    def inspect(
+        self, states: list[tuple[Array, Array]], motor: Array, overlay: Array
+    ) -> None:
         """Compare an episode with the limits, margins not taken off."""
         report = self.report
         report.cycles += len(motor)
@@ -277,6 +300,15 @@ class Adversary:
         report.position.add(np.maximum(q - self.limits.q_max, self.limits.q_min - q))
         report.speed.add(np.abs(dq) - self.limits.dq_max)
         report.torque.add(np.abs(motor) - self.limits.tau_max)
+        own = self.robot.limits
+        if np.isfinite(own.taper_brake).any():
+            for room, speed in ((own.q_max - q, dq), (q - own.q_min, -dq)):
+                falls = np.sqrt(2.0 * own.taper_brake * np.maximum(room, 0.0))
+                most = np.maximum(falls - own.taper_offset, 0.0)
+                report.tapered_speed.add(speed - most)
+        if np.isfinite(own.dtau_max).any():
+            rate = np.abs(np.diff(overlay, axis=0)) / self.settings.period
+            report.torque_rate.add(rate - own.dtau_max - RATE_ROUNDING)
         if not self.limits.walls:
             return
         p = np.array([self.chain.pose(row)[0] for row in q])
@@ -295,13 +327,16 @@ def print_report(settings: Settings, report: Report, seconds: float) -> None:
         ("joint position", report.position, 1.0, "rad"),
         ("joint speed", report.speed, 1.0, "rad/s"),
         ("motor torque", report.torque, 1.0, "Nm"),
+        ("tapered speed", report.tapered_speed, 1.0, "rad/s"),
+        ("torque rate", report.torque_rate, 1.0, "Nm/s"),
         ("wall", report.wall, 1e3, "mm"),
         ("TCP speed", report.tcp_speed, 1e3, "mm/s"),
     )
     for name, excess, factor, unit in rows:
         share = excess.count / report.looks
         worst = f"{factor * excess.worst:.3g} {unit}"
-        print(f"{name:16s} {excess.count:9d} {share:9.2%}  {worst}")
+        at = f", axes {sorted(excess.axes)}" if excess.axes else ""
+        print(f"{name:16s} {excess.count:9d} {share:9.2%}  {worst}{at}")
     flags = ", ".join(f"{name} {count}" for name, count in report.flags.items())
     print(f"cycles flagged: {flags}; episodes blown up: {report.blown_up}")
     print(f"episodes with violations: {len(report.episodes)} {report.episodes[:10]}")
@@ -315,6 +350,7 @@ def main() -> None:
         contact_adversary.main([a for a in sys.argv[1:] if a != "--contact"])
         return
     parser = argparse.ArgumentParser(description=str(__doc__).splitlines()[0])
+    parser.add_argument("--robot", help="one by name, without a tool; or the cell's")
     parser.add_argument("--cycles", type=int, default=1_000_000)
     parser.add_argument("--period", type=float, default=1e-3, help="[s]")
     parser.add_argument("--scheme", choices=SCHEMES, default="qp")
@@ -338,6 +374,7 @@ def main() -> None:
     )
     args = parser.parse_args()
     settings = Settings(
+        robot=args.robot,
         period=args.period,
         scheme=args.scheme,
         bounds=args.bounds,

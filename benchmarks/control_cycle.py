@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any
 import daqp
 import numpy as np
 import pinocchio
-from adversary import ARMATURE, TASK, Adversary, Array, Settings
+from adversary import TASK, Adversary, Array, Settings
 
 from dovetail import _core
 from dovetail.control.build import make_controller
@@ -159,7 +159,7 @@ def time_peer(settings: Settings, recorded: list[Cycles]) -> tuple[Array, Array]
     adversary = Adversary(settings, seed=1)
     model = pinocchio_model(adversary.robot)
     data = model.createData()
-    model.armature[:] = ARMATURE
+    model.armature[:] = adversary.robot.motors.armature
     controller = make_controller(
         adversary.robot,
         OscConfig.for_period(settings.period),
@@ -191,6 +191,13 @@ def main() -> None:
     """Run the command line."""
     parser = argparse.ArgumentParser(description=str(__doc__).splitlines()[0])
     parser.add_argument("--period", type=float, default=1e-3, help="[s]")
+    parser.add_argument(
+        "--robot",
+        nargs="+",
+        default=[None],
+        help="by name, without a tool; or the cell's. Of several the cycles are "
+        "compared with the first one's",
+    )
     args = parser.parse_args()
     print(f"{'':32s} {'all':>13s}  {'quiet':>13s}")
     print(
@@ -198,18 +205,35 @@ def main() -> None:
     )
     for f_star in (5.0, 30.0):
         for scheme in ("qp", "paper"):
-            settings = Settings(period=args.period, scheme=scheme, f_star=f_star)
-            times, share, recorded = time_cycles(settings)
-            note = f"{share:.0%} of the cycles limited"
-            row(f"dovetail {scheme}, f* {f_star:.0f}", times, note)
-            if scheme == "paper":
-                continue
-            terms, programs = time_peer(settings, recorded)
-            row(f"peer: Pinocchio terms, f* {f_star:.0f}", terms)
-            row(f"peer: DAQP, f* {f_star:.0f}", programs)
-            row(f"peer: both, f* {f_star:.0f}", terms + programs, "no control law")
-            ratio = np.median(terms + programs) / np.median(times.min(axis=0))
-            print(f"the peer's median is {ratio:.1f} times ours")
+            first = None
+            for robot in args.robot:
+                settings = Settings(
+                    robot=robot, period=args.period, scheme=scheme, f_star=f_star
+                )
+                times = print_robot(settings)
+                first = times if first is None else first
+                ratios = np.percentile(times, [50, 99]) / np.percentile(first, [50, 99])
+                if robot != args.robot[0]:
+                    print(
+                        f"of {args.robot[0]}: p50 {ratios[0]:.2f}, p99 {ratios[1]:.2f}"
+                    )
+
+
+def print_robot(settings: Settings) -> Array:
+    """Print a robot's rows; returns each cycle's fastest time [s]."""
+    times, share, recorded = time_cycles(settings)
+    name = f"{settings.robot} " if settings.robot else ""
+    note = f"{share:.0%} of the cycles limited"
+    row(f"{name}dovetail {settings.scheme}, f* {settings.f_star:.0f}", times, note)
+    quiet: Array = times.min(axis=0)
+    if settings.scheme != "paper":
+        terms, programs = time_peer(settings, recorded)
+        row(f"{name}peer: Pinocchio terms", terms)
+        row(f"{name}peer: DAQP", programs)
+        row(f"{name}peer: both", terms + programs, "no control law")
+        ratio = np.median(terms + programs) / np.median(quiet)
+        print(f"the peer's median is {ratio:.1f} times ours")
+    return quiet
 
 
 if __name__ == "__main__":

@@ -13,6 +13,7 @@ prints. `--policy NAME` and `--disturbance NAME` choose; `--tries 5` is a quick 
 
 import argparse
 import json
+import math
 import subprocess
 import sys
 import tempfile
@@ -21,7 +22,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from dovetail.evaluation.measured import DISTURBANCES, RANGES
-from dovetail.learn.policy import list_policies
+from dovetail.learn.policy import Policy, find_policy, list_policies
 from dovetail.plants.twin import load_twin
 
 TWIN = "medium"
@@ -116,6 +117,9 @@ def main() -> None:
     for name in given.disturbance or VALUES:
         kind = DISTURBANCES[name]
         for policy in given.policy or list_policies():
+            settings = Policy.load(find_policy(policy)).metadata["env"]
+            if name == "clearance" and name not in settings:
+                continue  # its task has none
             cells, last = sweep(policy, name, given.tries)
             within = "none"
             if last is not None:
@@ -123,9 +127,8 @@ def main() -> None:
             words = f"{kind.words} [{kind.unit}]"
             print(f"| {words} | `{policy}` | {within} | {', '.join(cells)} |")
             known = ranges.setdefault(policy, {})
-            known.pop(name, None)
-            if last is not None:
-                known[name] = last
+            none = math.inf if kind.falls else 0.0
+            known[name] = none if last is None else last
             if given.write:
                 RANGES.write_text(text_of(ranges))
 

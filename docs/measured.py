@@ -65,4 +65,4 @@ def take(folder: Path, page: Path = PAGE, numbers: Path = NUMBERS) -> None:
 if __name__ == "__main__":
     if sys.argv[1:]:
         take(Path(sys.argv[1]))
-    sys.exit("\n".join(differences()))
+    sys.exit("\n".join(differences()) or None)

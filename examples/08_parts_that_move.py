@@ -1,6 +1,7 @@
-"""A button, a drawer, a door and a lever: parts that move, pushed by the tool."""
+"""A button, a drawer, a door, a lever and a nut: parts that move, by the tool."""
 
 import argparse
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -16,7 +17,9 @@ from dovetail import (
     find_cell,
     make_plant,
     quat_about_z,
+    quat_multiply,
     rotation_error,
+    turned_box,
 )
 
 X, Y, Z = np.eye(3)
@@ -65,40 +68,81 @@ def lever() -> Part:
     return Part("lever", (BASE,), (Moving(joint, (bar,)),))
 
 
-WAYS = {  # in the fixture's frame [m]: the tool's tip goes from one point to the other
-    button: ((0.0, 0.0, 0.004), (0.0, 0.0, -0.006)),
-    drawer: ((-0.035, 0.0, -0.02), (0.020, 0.0, -0.02)),
-    door: ((-0.035, 0.02, -0.02), (0.020, 0.02, -0.02)),
-    lever: ((-0.055, 0.0, -0.02), (-0.012, 0.0, -0.02)),
+FLATS, GAP, WALL = 0.017, 0.0002, 0.004  # m: an M10 nut, and a socket around it
+SIDE = FLATS / math.sqrt(3.0)
+
+
+def nut() -> Part:
+    """A hexagon nut on an M10 bolt, with a pitch of 1.5 mm."""
+    joint = Joint(
+        name="nut", kind="screw", axis=Z, pitch=0.0015, range=(-12.0, 12.0),
+        friction=0.3,
+    )  # fmt: skip
+    size, middle = (FLATS / 2, SIDE / 2, 0.004), -0.006 * Z
+    hexagon = tuple(  # three bars across each other
+        turned_box(f"nut_{i}", size, middle, i * math.pi / 3)._replace(mass=0.004)
+        for i in range(3)
+    )
+    bolt = Primitive("bolt", "cylinder", (0.005, 0.035), -0.035 * Z)
+    return Part("nut", (BASE, bolt), (Moving(joint, hexagon),))
+
+
+def wrench() -> Part:
+    """A socket wrench for the nut; the TCP is in the middle of its open end."""
+    width = FLATS / 2 + GAP
+    size = (WALL / 2, (width + WALL) / math.sqrt(3.0), 0.010)
+    middle = np.array([width + WALL / 2, 0.0, -0.010])
+    walls = [
+        turned_box(f"wall_{i}", size, middle, i * math.pi / 3)._replace(mass=0.01)
+        for i in range(6)
+    ]
+    shank = Primitive("shank", "box", (0.015, 0.015, 0.025), -0.045 * Z, mass=0.1)
+    return Part("wrench", (*walls, shank))
+
+
+STRAIGHT = math.pi / 3  # rad, the wrench on the nut: a flat is over a flat
+WAYS = {  # in the fixture's frame [m, m, m, rad]: the tool's tip goes along, and turns
+    button: [(0.0, 0.0, 0.004, 0.0), (0.0, 0.0, -0.006, 0.0)],
+    drawer: [(-0.035, 0.0, -0.02, 0.0), (0.020, 0.0, -0.02, 0.0)],
+    door: [(-0.035, 0.02, -0.02, 0.0), (0.020, 0.02, -0.02, 0.0)],
+    lever: [(-0.055, 0.0, -0.02, 0.0), (-0.012, 0.0, -0.02, 0.0)],
+    nut: [(0, 0, 0.004, STRAIGHT), (0, 0, -0.008, STRAIGHT), (0, 0, -0.008, -1.0)],
 }
+HELD = {nut: wrench}  # else it is the peg
 
 
-Point = tuple[float, float, float]
+def tool_at(x: float, y: float, z: float, turn: float) -> Pose:
+    """Return the pose of a tool that points down, at a place of the fixture's."""
+    quat = quat_multiply(quat_about_z(turn), TOOL_DOWN)
+    return Pose(FIXTURE.position + np.array([x, y, z]), quat)
 
 
 def push(
-    part: Part, begin: Point, end: Point, engine: str, seconds: float
-) -> tuple[float, float]:
-    """Move the tool along a line by a soft spring.
+    part: Part, held: Part | None, stops: list[tuple[float, ...]], engine: str,
+    seconds: float,
+) -> tuple[float, float]:  # fmt: skip
+    """Move the tool from stop to stop by a soft spring.
 
     Returns:
         The joint's position at the end [rad, m], and the largest force [N].
     """
     cell = replace(find_cell(), name=part.name, make_fixture=lambda _: part)
+    if held is not None:
+        cell = replace(cell, held=held)
     plant = make_plant(engine, cell)
     chain = plant.robot.chain()
-    start = Pose(FIXTURE.position + begin, TOOL_DOWN)
-    plant.reset(plant.robot.inverse_kinematics(start, Q_SEED), FIXTURE)
+    plant.reset(plant.robot.inverse_kinematics(tool_at(*stops[0]), Q_SEED), FIXTURE)
     peak, steps = 0.0, round(seconds / PERIOD)
     for i in range(steps):
-        share = min(1.0, 1.3 * i / steps)
-        wanted = start.position + share * np.subtract(end, begin)
+        share = min(1.0, 1.3 * i / steps) * (len(stops) - 1)
+        at = [np.interp(share, range(len(stops)), a) for a in zip(*stops, strict=True)]
+        wanted = tool_at(*at)
         q, dq = plant.read()
         J, pose = chain.jacobian(q), plant.robot.tool_pose(q)
-        pull = 3000.0 * (wanted - pose.position)
-        turn = 60.0 * rotation_error(TOOL_DOWN, pose.quat_wxyz)
+        pull = 3000.0 * (wanted.position - pose.position)
+        twist = 60.0 * rotation_error(wanted.quat_wxyz, pose.quat_wxyz)
         damping = np.array([100.0] * 3 + [3.0] * 3) * (J @ dq)
-        plant.apply(J.T @ (np.concatenate([pull, turn]) - damping) - 0.5 * dq, PERIOD)
+        plant.apply(J.T @ (np.concatenate([pull, twist]) - damping) - 0.5 * dq, PERIOD)
         peak = max(peak, float(np.linalg.norm(plant.contact_force_peak())))
     found = float(plant.part_positions()[0])
     plant.close()
@@ -111,14 +155,15 @@ def main() -> None:
     parser.add_argument("--engine", default="mujoco", help="mujoco, bullet or drake")
     parser.add_argument("--quick", action="store_true", help="push faster")
     options = parser.parse_args()
-    for make, (begin, end) in WAYS.items():
-        part = make()
+    for make, stops in WAYS.items():
+        part, held = make(), HELD[make]() if make in HELD else None
         joint = part.moving[0].joint
         seconds = 1.0 if options.quick else 3.0
-        found, peak = push(part, begin, end, options.engine, seconds)
+        found, peak = push(part, held, stops, options.engine, seconds)
         print(
             f"{part.name}: from {joint.start:g} to {found:.4f} {joint.unit} of "
             f"{joint.stops}, largest force {peak:.1f} N"
+            + (f", {1e3 * found * joint.lead:.2f} mm along" if joint.lead else "")
         )
 
 

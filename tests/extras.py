@@ -9,6 +9,7 @@ EXTRA_OF = {
     "plotly": "identify",
     "cv2": "camera",
     "fast_simplification": "view",
+    "manifold3d": "test",
     "grpc": "rpc",
     "grpc_tools": "test",
     "pinocchio": "test",
@@ -24,7 +25,7 @@ EXTRA_OF = {
     "selenium": "test",
     "shapely": "parts",
     "snakemake": "reproduce",
-    "trimesh": "view",
+    "trimesh": "parts",
     "viser": "view",
 }
 """The extra of pyproject.toml that installs a module."""

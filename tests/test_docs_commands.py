@@ -17,6 +17,7 @@ from dovetail.commands.evaluate import Evaluate
 from dovetail.commands.serve import Serve
 from dovetail.control.period import DEFAULT_PERIOD
 from dovetail.plants.twin import TWIN_FOLDER
+from robots.arm_files import urdf
 
 ROOT = Path(__file__).parent.parent
 BLOCK = re.compile(r"```bash\n(.*?)```", re.S)
@@ -53,12 +54,18 @@ def test_a_command_in_the_docs_is_understood(line, tmp_path, monkeypatch, capsys
     monkeypatch.syspath_prepend(tmp_path)
     for name in CERTIFICATES:
         Path(name).touch()
-    shutil.copy(ROOT / "examples" / "06_ring_over_post.py", "ring_over_post.py")
-    shutil.copy(ROOT / "examples" / "hexagon.toml", "hexagon.toml")
+    for example in ("06_ring_over_post", "09_open_a_drawer"):
+        shutil.copy(ROOT / "examples" / f"{example}.py", f"{example[3:]}.py")
+    for part in ("hexagon.toml", "part.toml"):
+        shutil.copy(ROOT / "examples" / "hexagon.toml", part)
     Path("examples").mkdir()
+    for folder in ("pairs", "held"):
+        Path(folder).mkdir()
+        shutil.copy("hexagon.toml", folder)
     for name in ("cell.toml", "examples/cell.toml"):
         shutil.copy(ROOT / "examples" / "cell.toml", name)
     Path("my_arm.py").write_text(program("your-own-robot"))
+    Path("arm.urdf").write_text(urdf())
     name, *words = shlex.split(line, comments=True)[1:]
     assert name in COMMANDS
     module = importlib.import_module(f"dovetail.commands.{name}")

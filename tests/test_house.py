@@ -32,7 +32,7 @@ LAYERS = (
     {"workcell"},
     {"control", "plants"},
     {"arms", "cabinet", "episode", "gripper", "rpc"},
-    {"perceive", "tasks", "trackers", "view"},
+    {"meshes", "perceive", "tasks", "trackers", "view"},
     {"envs", "search"},
     {"learn", "evaluation"},
     {"doctor"},

@@ -40,6 +40,9 @@ cabinet --plant gazebo --port 0 --control none
 cabinet --plant mujoco --damping 2 --port 0 --control none
 identify fit nowhere
 replay nowhere.npz
+part check nowhere.stl nowhere.stl
+part check nowhere.step nowhere.stl
+part show nowhere.toml
 """
 OWN = """env = "dovetail/PegInHole-v0"\nstep = 1000\nnear_speed = "fast"\n"""
 

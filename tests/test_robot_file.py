@@ -91,7 +91,7 @@ def test_the_urdf_of_pybullet_is_our_pybullet_set(rng):
         (("revolute",) * 6, r"has 6 joints \(J1, J2, J3, J4, J5, J6\)"),
         (("revolute",) * 8, r"has 8 joints \(J1, .*J8\)"),
         ((*("revolute",) * 6, "prismatic"), r"J7 \(slide\)\); .* these have 6"),
-        ((*("revolute",) * 6, "continuous"), "joint J7 .* no position limits"),
+        ((*("revolute",) * 6, "continuous"), "joint J7 .* no dq_max"),
     ],
 )
 def test_an_arm_of_other_joints_is_refused_with_their_names(tmp_path, kinds, words):

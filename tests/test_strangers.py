@@ -39,6 +39,19 @@ def test_what_is_typed_is_trusted(words):
     assert require_trusted("file", "env", "a.b:Other-v0") == "a.b:Other-v0"
 
 
+@pytest.mark.parametrize("key", ["env", "env_id", "tracker"])
+@pytest.mark.parametrize("value", ["mine:x.xml", "mine:x.urdf", "menagerie:x"])
+def test_only_a_robot_is_a_file(key, value):
+    with pytest.raises(ConfigError, match="runs the module"):
+        require_trusted("file", key, value)
+
+
+def test_a_robot_of_menagerie_is_no_module():
+    trust_typed(["--robot", "menagerie:panda"])
+    with pytest.raises(ConfigError, match="'menagerie'"):
+        require_trusted("file", "env", "menagerie:Task-v0")
+
+
 def test_an_address_is_no_module():
     trust_typed(["--arm", "twin:medium", "--out", "x:y"])
     with pytest.raises(ConfigError, match="'twin'"):

@@ -17,6 +17,8 @@ from typing import Any
 
 import numpy as np
 
+from dovetail.robots.find import DEFAULT_ROBOT
+
 from .contact_attack import Attack, add_case, broken, is_excused, plain
 from .contact_choices import POLICIES, RANGES, TASKS
 from .contact_growth import SUSTAINED
@@ -27,6 +29,8 @@ METRICS: dict[str, tuple[str, float, str]] = {
     "position": ("joint position past its limit", 0.0, "rad"),
     "speed": ("joint speed over its limit", 1.0, "1"),
     "torque": ("motor torque over its limit", 1.0, "1"),
+    "taper": ("speed that falls towards a limit", 0.0, "rad/s"),
+    "rate": ("change of torque over its limit", 1.0 + 1e-9, "1"),
     "wall": ("TCP outside a wall", 0.0, "m"),
     "tcp_speed": ("TCP speed over its limit, per axis", 0.0, "m/s"),
     "contact": ("contact force over the resting push", 5.0, "1"),
@@ -199,6 +203,7 @@ def parse(arguments: Sequence[str]) -> argparse.Namespace:
     parser = argparse.ArgumentParser(
         prog="adversary.py --contact", description="Attack the controller in contact."
     )
+    parser.add_argument("--robot", default=DEFAULT_ROBOT, help="one by name")
     parser.add_argument("--cycles", type=int, default=1_000_000)
     parser.add_argument("--period", type=float, default=1e-3, help="[s]")
     parser.add_argument("--seed", type=int, default=0)
@@ -246,6 +251,7 @@ def main(arguments: Sequence[str]) -> None:
         policy=args.policy,
         overrides=tuple((name, float(number)) for name, number in pairs),
         hold_on=args.hold_on,
+        robot=args.robot,
     )
     if args.replay is not None:
         outcome = replay(attack, args.replay, args.trace)

@@ -10,6 +10,8 @@ from typing import Any
 
 import numpy as np
 
+from dovetail.robots.find import DEFAULT_ROBOT
+
 from .contact_choices import POLICIES, RANGES, SIZE, TASKS, Array, Choices, choose
 from .contact_trial import QUIET, Outcome, Trial
 
@@ -37,6 +39,8 @@ class Attack:
     """Of LimitConfig or OscConfig."""
     hold_on: float = 0.0
     """How long a try goes on with its last Target [s]."""
+    robot: str = DEFAULT_ROBOT
+    """The arm by name."""
 
     def vector(self, index: int) -> Array:
         """Return try `index` as numbers in [0, 1]."""
@@ -72,6 +76,7 @@ class Attack:
             choose(vector, RANGES[self.span]),
             self.period,
             seed,
+            robot=self.robot,
             is_hardware=self.is_hardware,
             overrides=self.overrides,
         )
@@ -111,6 +116,7 @@ def add_case(path: Path, attack: Attack, case: dict[str, Any]) -> None:
     cases = json.loads(path.read_text()) if path.exists() else []
     kept = [c for c in cases if c["name"] != case["name"]]
     entry = case | {
+        "robot": attack.robot,
         "period": attack.period,
         "span": attack.span,
         "is_hardware": attack.is_hardware,

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from dovetail.envs.registered import find_cell
 from dovetail.identify.parameters import nominal_model
 from dovetail.plants.twin import Twin, load_twin
+from dovetail.robots.find import DEFAULT_ROBOT
 from dovetail.settings import names_in
 from dovetail.tasks.peg_in_hole.task import PegInHole
 
@@ -117,15 +118,20 @@ class Choices:
         """Return the choices as JSON, four digits."""
         return {name: _short(value) for name, value in asdict(self).items()}
 
-    def twin(self) -> Twin:
-        """Return the twin; its payload is in link 7."""
-        mass = float(find_cell().loaded_robot(self.inertia).links.mass[6])
+    def twin(self, robot: str = DEFAULT_ROBOT) -> Twin:
+        """Return the twin of a robot by name; its payload is in link 7.
+
+        A robot that lacks the inertia set has its own.
+        """
+        cell = find_cell(robot=robot)
+        base = replace(nominal_model(), inertia=self.inertia).on(cell.robot)
+        mass = float(cell.loaded_robot(base.inertia).links.mass[6])
         scale = list(self.mass_scale)
         scale[6] += self.payload / mass
         names = {f.name for f in fields(self)} & set(names_in(Twin))
-        same = {name: getattr(self, name) for name in names}
+        same = {name: getattr(self, name) for name in names - {"inertia"}}
         return replace(
-            nominal_model(),
+            base,
             description="random twin of the adversary in contact",
             **(same | {"mass_scale": tuple(scale)}),
             command_delay=self.delay,

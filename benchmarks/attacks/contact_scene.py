@@ -20,7 +20,6 @@ from dovetail.workcell.workcell import WALLS
 from .contact_choices import Array, Choices
 
 TABLE_WALL = -0.06  # m: with the shipped one of 0.03 m the tool cannot reach the table
-Q_SEED = np.array([0.0, 0.6, 0.0, -1.6, 0.0, 0.95, 0.0])
 NEAR = 0.01  # m above a surface
 ABOVE = 0.002  # m over the surface at the start of slide and press
 DRAWS = 100  # of a start, as it was chosen
@@ -82,7 +81,7 @@ def _posture(
     """Return a configuration and the height of the surface near it [m]."""
     mouth = float(hole.position[2])
     yaw = 2.0 * math.atan2(hole.quat_wxyz[3], hole.quat_wxyz[0])
-    seed = Q_SEED + rng.normal(0.0, 0.3, 7)
+    seed = robot.posture("down") + rng.normal(0.0, 0.3, 7)
     if choices.task == "slide":
         low, high = np.array(WALLS[0][:2]) + 0.05, np.array(WALLS[1][:2]) - 0.05
         place = np.append(rng.uniform(low, high), ABOVE)

@@ -27,7 +27,9 @@ from dovetail.envs.config import EnvConfig
 from dovetail.envs.registered import find_cell
 from dovetail.plants.mujoco_plant import MujocoPlant
 from dovetail.plants.plant import COLUMN, CYCLE_COLUMNS, FLAG_MASK, physics_steps
+from dovetail.plants.twin import Twin
 from dovetail.poses import Pose, quat_from_vector, quat_multiply, rotation_error
+from dovetail.robots.find import DEFAULT_ROBOT
 from dovetail.settings import values_of
 
 from .contact_choices import Array, Choices
@@ -48,13 +50,13 @@ QUIET = (range(40, 65), range(75, 100))
 LOOK_ON = 20  # actions
 PHYSICS_DT = 1e-3  # s: contacts of 2 ms need it, and the judge looks as often
 SPRING_MASS = 5.0  # kg, for its damping ratio
-ARMATURE = 0.1  # kg m2, the model's
 IMPLAUSIBLE, ENDED = FLAG_MASK["implausible"], FLAG_MASK["ended"]
 CLEARANCE_STEP = 1e-4  # m: plants are built once each
 
 
 @lru_cache(maxsize=8)
 def settings_of(
+    robot: str,
     period: float,
     is_hardware: bool,
     task: str,
@@ -62,7 +64,7 @@ def settings_of(
     near_press: float,
 ) -> tuple[OscConfig, LimitConfig]:
     """Return law and limits as the environment makes them."""
-    cell = replace(find_cell(), walls=walls_of(task))
+    cell = replace(find_cell(robot=robot), walls=walls_of(task))
     config = EnvConfig(period=period, near_press=near_press)
     return having(*make_settings(cell, config, is_hardware=is_hardware), overrides)
 
@@ -81,9 +83,9 @@ def having(
 
 
 @lru_cache(maxsize=16)
-def plant_of(clearance: float) -> MujocoPlant:
-    """Return the scene with a clearance [m]."""
-    return MujocoPlant(find_cell(clearance=clearance))
+def plant_of(robot: str, clearance: float) -> MujocoPlant:
+    """Return the scene of a robot with a clearance [m]."""
+    return MujocoPlant(find_cell(robot=robot, clearance=clearance))
 
 
 @dataclass(frozen=True)
@@ -111,6 +113,7 @@ class Trial:
         period: float,
         seed: tuple[int, ...],
         *,
+        robot: str = DEFAULT_ROBOT,
         is_hardware: bool = True,
         overrides: tuple[tuple[str, Any], ...] = (),
     ) -> None:
@@ -120,20 +123,21 @@ class Trial:
             choices: The try.
             period: Control period [s].
             seed: Of all that is random in it.
+            robot: The arm by name.
             is_hardware: Margins for an arm that is not as the model says.
             overrides: Other numbers in LimitConfig or OscConfig.
         """
         self.choices, self.period = choices, period
         self.rng = np.random.default_rng(seed)
-        twin = choices.twin()
+        twin = choices.twin(robot)
         clearance = CLEARANCE_STEP * round(choices.clearance / CLEARANCE_STEP)
-        self.plant = plant = plant_of(clearance)
+        self.plant = plant = plant_of(robot, clearance)
         plant.configure(replace(twin.dynamics(), physics_dt=PHYSICS_DT))
         self.osc, self.limits = settings_of(
-            period, is_hardware, choices.task, overrides, near_press_of(choices)
+            robot, period, is_hardware, choices.task, overrides, near_press_of(choices)
         )
         self.robot, self.chain = plant.robot, plant.robot.chain()
-        self.true_chain = _true_chain(choices)
+        self.true_chain = _true_chain(robot, twin)
         self.controller = _core.Controller(
             self.chain,
             self.osc.params(),
@@ -305,7 +309,7 @@ class Trial:
         J = self.chain.jacobian(q)
         J[3:] *= self.osc.length_scale
         M = self.chain.inertia_matrix(q)
-        M[np.diag_indices(7)] += ARMATURE
+        M[np.diag_indices(7)] += self.robot.motors.armature
         Minv_JT = np.linalg.solve(M, J.T)
         values, vectors = np.linalg.eigh(J @ Minv_JT)
         Lambda = (vectors / np.maximum(values, self.osc.s0)) @ vectors.T
@@ -348,6 +352,7 @@ class Trial:
         seen = {
             "position": judge.position,
             "speed": judge.speed,
+            "taper": judge.tapered_speed,
             "wall": judge.wall,
             "tcp_speed": judge.tcp_speed,
             "torque": judge.torque,
@@ -356,11 +361,19 @@ class Trial:
             "load": judge.load,
         }
         grown, sustained = _oscillations(vibration)
+        tau = trace[:, COLUMN["tau1"] : COLUMN["tau7"] + 1]
+        rates = np.abs(np.diff(tau, axis=0)) / self.period
+        rate = float((rates / self.robot.limits.dtau_max).max(initial=0.0))
         flags = trace[:, COLUMN["flags"]].astype(np.int64)
         unsafe, early, bad = judge.flagged
         return Outcome(
             worst={name: w.value for name, w in seen.items()}
-            | {"grown": grown, "sustained": sustained, "touch": judge.touch_speed},
+            | {
+                "rate": rate,
+                "grown": grown,
+                "sustained": sustained,
+                "touch": judge.touch_speed,
+            },
             when={name: (w.time, w.axis) for name, w in seen.items()},
             counts={name: w.count for name, w in seen.items()}
             | {
@@ -389,10 +402,10 @@ def _oscillations(vibration: Array) -> tuple[float, float]:
     return float(grown), float(sustained)
 
 
-def _true_chain(choices: Choices) -> _core.Chain:
-    """Return the twin's chain, whose gravity is the true one."""
-    twin = choices.twin()
-    robot, scale = find_cell().loaded_robot(twin.inertia), np.array(twin.mass_scale)
+def _true_chain(name: str, twin: Twin) -> _core.Chain:
+    """Return the chain of a robot's twin, whose gravity is the true one."""
+    robot = find_cell(robot=name).loaded_robot(twin.inertia)
+    scale = np.array(twin.mass_scale)
     inertia = robot.links.inertia * scale[:, None, None]
     links = replace(robot.links, mass=robot.links.mass * scale, inertia=inertia)
     actual: Any = replace(robot, links=links)

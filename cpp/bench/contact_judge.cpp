@@ -46,6 +46,10 @@ void ContactJudge::look(const Vec7& q, const Vec7& dq, const Vec3& contact,
   see(q, dq);
   position_.take((q - limits_.q_max).cwiseMax(limits_.q_min - q), 0.0, time_);
   speed_.take(dq.cwiseAbs().cwiseQuotient(limits_.dq_max), 1.0, time_);
+  if (limits_.taper_brake.array().isFinite().any()) {
+    const Vec7 up = over_taper(limits_.q_max - q, dq);
+    tapered_speed_.take(up.cwiseMax(over_taper(q - limits_.q_min, -dq)), 0.0, time_);
+  }
   if (limits_.walls) {
     const Vec3 v = tool_.twist.head<3>();
     wall_.take((tool_.p - limits_.x_max).cwiseMax(limits_.x_min - tool_.p), 0.0, time_);
@@ -59,6 +63,14 @@ void ContactJudge::look(const Vec7& q, const Vec7& dq, const Vec3& contact,
   }
   judge_contact(contact, h);
   filter(dq, h);
+}
+
+/// Returns how much faster [rad/s] the joints are than the robot's maker allows them
+/// `room` [rad] before the controller's position limit, at which he allows no speed.
+Vec7 ContactJudge::over_taper(const Vec7& room, const Vec7& speed) const noexcept {
+  const Vec7& offset = limits_.taper_offset;
+  const Vec7 braked = 2.0 * limits_.taper_brake.cwiseProduct(room.cwiseMax(0.0));
+  return speed - ((offset.cwiseAbs2() + braked).cwiseSqrt() - offset);
 }
 
 void ContactJudge::judge_contact(const Vec3& contact, double h) noexcept {

@@ -63,7 +63,10 @@ class ContactJudge final : public StepProbe {
     return position_;
   }  ///< past limit [rad]
   const WorstLook& speed() const noexcept { return speed_; }  ///< over limit [1]
-  const WorstLook& wall() const noexcept { return wall_; }    ///< outside [m]
+  /// Over the speed that falls towards a position limit [rad/s]; where none does,
+  /// never.
+  const WorstLook& tapered_speed() const noexcept { return tapered_speed_; }
+  const WorstLook& wall() const noexcept { return wall_; }            ///< outside [m]
   const WorstLook& tcp_speed() const noexcept { return tcp_speed_; }  ///< over [m/s]
   const WorstLook& torque() const noexcept { return torque_; }  ///< over limit [1]
   /// Contact force, mean of 20 ms, over the resting push [1]; not within 150 ms of a
@@ -82,6 +85,7 @@ class ContactJudge final : public StepProbe {
  private:
   void see(const Vec7& q, const Vec7& dq) noexcept;
   void filter(const Vec7& dq, double h) noexcept;
+  Vec7 over_taper(const Vec7& room, const Vec7& speed) const noexcept;
   void judge_contact(const Vec3& contact, double h) noexcept;
 
   Chain chain_;
@@ -95,7 +99,8 @@ class ContactJudge final : public StepProbe {
   bool is_seen_ = false;  // tool_ is of the present state
   double time_ = 0.0;
   int looks_ = 0;
-  WorstLook position_, speed_, wall_, tcp_speed_, torque_, contact_, peak_, load_;
+  WorstLook position_, speed_, tapered_speed_, wall_, tcp_speed_, torque_;
+  WorstLook contact_, peak_, load_;
   std::array<int, 3> flagged_{};
 
   double mean_force_ = 0.0;     // [N]

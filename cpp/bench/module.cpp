@@ -101,6 +101,8 @@ void bind_judge(nb::module_& m) {
            "RMS joint velocity above 8 Hz since the last call [rad/s].")
       .def_prop_ro("position", &ContactJudge::position, "Past a joint limit [rad].")
       .def_prop_ro("speed", &ContactJudge::speed, "Over the joint's speed limit [1].")
+      .def_prop_ro("tapered_speed", &ContactJudge::tapered_speed,
+                   "Over the speed that falls towards a position limit [rad/s].")
       .def_prop_ro("wall", &ContactJudge::wall, "Outside a wall [m].")
       .def_prop_ro("tcp_speed", &ContactJudge::tcp_speed, "Over the limit [m/s].")
       .def_prop_ro("torque", &ContactJudge::torque, "Over the motor's limit [1].")

@@ -30,18 +30,26 @@ void bind_bounds(nb::module_& m) {
       "acceleration_bounds",
       [](double x, double v, double x_min, double x_max, double v_max, double a_max,
          double dt, double kappa, double eta, double delta_x, double delta_v,
-         BoundsKind kind, double authority) {
+         BoundsKind kind, double authority, double jerk, double taper_brake,
+         double taper_offset) {
+        BoundsParams params{kind, dt, kappa, eta, delta_x, delta_v, authority};
+        params.jerk = jerk;
+        params.taper_brake = taper_brake;
+        params.taper_offset = taper_offset;
         const Interval interval =
-            acceleration_bounds(x, v, x_min, x_max, v_max, a_max,
-                                {kind, dt, kappa, eta, delta_x, delta_v, authority});
+            acceleration_bounds(x, v, x_min, x_max, v_max, a_max, params);
         return std::pair(interval.lb, interval.ub);
       },
       "x"_a, "v"_a, "x_min"_a, "x_max"_a, "v_max"_a, "a_max"_a, nb::kw_only(), "dt"_a,
       "kappa"_a = 1.0, "eta"_a = 1.0, "delta_x"_a = 0.0, "delta_v"_a = 0.0,
-      "kind"_a = BoundsKind::kViability, "authority"_a = 1.0,
+      "kind"_a = BoundsKind::kViability, "authority"_a = 1.0, "jerk"_a = kInfinite,
+      "taper_brake"_a = kInfinite, "taper_offset"_a = 0.0,
       "Smallest and largest safe acceleration [rad/s2] of one coordinate at position x "
       "[rad] and speed v [rad/s]; (lb, ub). authority: most braking of what is beyond "
-      "its limit already, over a_max.");
+      "its limit already, over a_max. jerk [rad/s3]: what is asked for becomes braking "
+      "on "
+      "a ramp. taper_brake [rad/s2] and taper_offset [rad/s]: of a speed limit that "
+      "falls towards a position limit.");
 }
 
 void bind_saturation(nb::module_& m) {

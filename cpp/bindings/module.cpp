@@ -65,6 +65,10 @@ void bind_parameters(nb::module_& m) {
       .def_rw("dq_max", &LimitParams::dq_max, "Joint speed limits [rad/s].")
       .def_rw("tau_max", &LimitParams::tau_max, "Motor torques, with gravity [Nm].")
       .def_rw("ddq_max", &LimitParams::ddq_max, "Joint acceleration A [rad/s2].")
+      .def_rw("taper_brake", &LimitParams::taper_brake, "Of the speed limit [rad/s2].")
+      .def_rw("taper_offset", &LimitParams::taper_offset, "Likewise [rad/s].")
+      .def_rw("dtau_max", &LimitParams::dtau_max, "Change of the torque [Nm/s].")
+      .def_rw("jerk_max", &LimitParams::jerk_max, "Joint jerk planned with [rad/s3].")
       .def_rw("eta", &LimitParams::eta, "Share of A planned for braking.")
       .def_rw("kappa", &LimitParams::kappa, "Bound interval over the period.")
       .def_rw("delta_q", &LimitParams::delta_q, "Joint position margin [rad].")
@@ -78,6 +82,7 @@ void bind_parameters(nb::module_& m) {
       .def_rw("ddx_max", &LimitParams::ddx_max, "TCP acceleration per axis [m/s2].")
       .def_rw("eta_wall", &LimitParams::eta_wall, "Share of ddx_max for braking.")
       .def_rw("delta_x", &LimitParams::delta_x, "Wall margin [m].")
+      .def_rw("jerk_wall", &LimitParams::jerk_wall, "TCP jerk planned with [m/s3].")
       .def_rw("s0_wall", &LimitParams::s0_wall, "Fade threshold of SCS [1/kg].")
       .def_rw("rho", &LimitParams::rho, "Weight of the wall slack.")
       .def_rw("estimate_rate", &LimitParams::estimate_rate,
@@ -209,6 +214,9 @@ void bind_controller(nb::module_& m) {
           "Start afresh at q [rad], moving at dq [rad/s]; hold axes keep this TCP "
           "position [m] and rotation (wxyz). Raises ValueError naming the element that "
           "is out of range.")
+      .def("had", &Controller::had, "tau"_a,
+           "Take a torque for the one that the arm last had [Nm]: dtau_max counts from "
+           "it.")
       .def(
           "believe",
           [](Controller& self, const Vec7& q, const Vec7& dq) {

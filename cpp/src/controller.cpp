@@ -15,6 +15,9 @@ namespace {
 // a joint at its limit would be missed by the other axes.
 constexpr double kWayShare = 0.85;
 
+// Of the change of torque that is allowed: from here on it is on its way.
+constexpr double kRampShare = 0.99;
+
 constexpr double kFewPeriods = 3.0;  // between the last cycle and a reset that goes on
 
 /// Whether a torque may leave, and what it was made from.
@@ -61,6 +64,7 @@ void Controller::reset(const Vec7& q, const Vec3& p_hold, const Vec4& quat_hold,
   slew_.reset();
   resume();
   taken_ = Taken{};
+  if (!goes_on(q, dq)) sent_.setZero();
   last_ = LastCycle{};
   was_plausible_ = true;
   has_start_ = is_configuration(q) && is_speed(dq);
@@ -144,6 +148,7 @@ void Controller::observe(const Vec7& dq, double elapsed) noexcept {
 
 void Controller::update_model(const Vec7& q, const Vec7& dq) noexcept {
   model_.update(chain_, limits_, period_, q, dq, observer_.torque());
+  model_.keep_near(sent_, limits_.dtau_max * period_);
 }
 
 void Controller::update_bounds(const Vec7& q, const Vec7& dq) noexcept {
@@ -278,7 +283,11 @@ bool Controller::is_explained(const Target& target, const Vec7& dq,
   const double driven = dq.dot(result.tau - model_.h);
   // A wall that takes the tool back inside works against what is asked.
   const bool is_led = walls_.is_widened();
-  const double power = target.joint_mode || is_led ? 0.0 : std::min(added, driven);
+  // A torque on its way to the wanted one drives on for a while: that is no limiter.
+  const Vec7 step = kRampShare * period_ * limits_.dtau_max;
+  const bool is_ramp = ((result.tau - sent_).cwiseAbs().array() >= step.array()).any();
+  const bool is_free = target.joint_mode || is_led || is_ramp;
+  const double power = is_free ? 0.0 : std::min(added, driven);
   return !last_line_.check(
       {dq, explained, power, effort.push, elapsed, check_.is_jump()});
 }
@@ -327,7 +336,9 @@ StepResult Controller::brake(const Vec7& q, const Vec7& dq) noexcept {
     result.tau = result.tau.cwiseMax(model_.lo).cwiseMin(model_.hi);
     slow_down(result);
   } else {  // the model is not: gravity compensation alone holds
-    result.a = result.a0 = result.tau = Vec7::Zero();
+    const Vec7 step = limits_.dtau_max * period_;
+    result.a = result.a0 = Vec7::Zero();
+    result.tau = Vec7::Zero().cwiseMax(sent_ - step).cwiseMin(sent_ + step);
   }
   remember(dq, result.a, result.a, result.tau);
   return result;
@@ -361,6 +372,7 @@ void Controller::remember(const Vec7& dq, const Vec7& a0, const Vec7& a,
   last_.a0 = a0;
   last_.a = a;
   last_.tau = tau;
+  sent_ = tau;
 }
 
 }  // namespace dovetail

@@ -29,6 +29,7 @@ CycleBounds::CycleBounds(const LimitParams& limits, double period) noexcept
       wall_params_{limits.bounds,    period,         limits.kappa,
                    limits.eta_wall,  limits.delta_x, limits.delta_v,
                    limits.authority, limits.passive, limits.brake_rate} {
+  wall_params_.jerk = limits.jerk_wall;
   cl_cause.fill(BoundCause::kAcceleration);
   cu_cause.fill(BoundCause::kAcceleration);
 }
@@ -40,6 +41,9 @@ void CycleBounds::update(const LimitParams& limits, const CycleModel& model,
   for (int i = 0; i < kNumJoints; ++i) {
     const double push =
         is_at_limit(limits, i, q[i]) ? model.push_whole[i] : model.push[i];
+    joint_params_.jerk = limits.jerk_max[i];
+    joint_params_.taper_brake = limits.taper_brake[i];
+    joint_params_.taper_offset = limits.taper_offset[i];
     const Interval joint = not_empty(
         acceleration_bounds(q[i], dq[i], limits.q_min[i], limits.q_max[i],
                             limits.dq_max[i], limits.ddq_max[i], joint_params_, push),

@@ -27,4 +27,12 @@ void CycleModel::update(const Chain& chain, const LimitParams& limits, double pe
   hi = limits.tau_max - tool.g;
 }
 
+void CycleModel::keep_near(const Vec7& tau_last, const Vec7& step) noexcept {
+  if (!(step.array() < kInfinite).any()) return;
+  const Vec7 least = tau_last - step;
+  const Vec7 most = tau_last + step;
+  lo = lo.cwiseMax(least).cwiseMin(most);
+  hi = hi.cwiseMin(most).cwiseMax(least);
+}
+
 }  // namespace dovetail

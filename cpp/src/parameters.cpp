@@ -60,6 +60,17 @@ void require_each(std::string_view name, const Vector& values, std::string_view 
   }
 }
 
+/// A limit that may be infinite, which is none.
+void require_above(const std::string& name, double value, std::string_view unit) {
+  if (value > 0.0) return;
+  refuse(name, value, unit, "above 0; infinity for no such limit");
+}
+
+void require_each_above(std::string_view name, const Vec7& values,
+                        std::string_view unit) {
+  for (int i = 0; i < kNumJoints; ++i) require_above(indexed(name, i), values[i], unit);
+}
+
 void require_each(const std::string& name, const Mat3& values, std::string_view unit) {
   for (int i = 0; i < 3; ++i) {
     require_each(indexed(name, i), Vec3(values.row(i)), unit, kAnyFinite);
@@ -145,6 +156,10 @@ void check_limits(const LimitParams& limits) {
   require_each("dq_max", limits.dq_max, "rad/s", kPositive);
   require_each("tau_max", limits.tau_max, "Nm", kPositive);
   require_each("ddq_max", limits.ddq_max, "rad/s2", kPositive);
+  require_each_above("taper_brake", limits.taper_brake, "rad/s2");
+  require_each("taper_offset", limits.taper_offset, "rad/s", kNotNegative);
+  require_each_above("dtau_max", limits.dtau_max, "Nm/s");
+  require_each_above("jerk_max", limits.jerk_max, "rad/s3");
   require("eta", limits.eta, "", kShare);
   require("kappa", limits.kappa, "", {1.0, 1e3, false, "1 to 1000"});
   require("delta_q", limits.delta_q, "rad", kNotNegative);
@@ -166,6 +181,7 @@ void check_limits(const LimitParams& limits) {
   require_each("ddx_max", limits.ddx_max, "m/s2", kPositive);
   require("eta_wall", limits.eta_wall, "", kShare);
   require("delta_x", limits.delta_x, "m", kNotNegative);
+  require_above("jerk_wall", limits.jerk_wall, "m/s3");
   require_order("x_min", limits.x_min, "x_max", limits.x_max, limits.delta_x, "m");
 }
 

@@ -196,6 +196,78 @@ BOOST_AUTO_TEST_CASE(a_pushed_double_integrator_stays_inside_its_limits) {
   BOOST_TEST(at_limit > 100);
 }
 
+namespace {
+
+/// The speed limit that falls towards a position limit at the distance d.
+double tapered(double d, const BoundsParams& params) {
+  const double o = params.taper_offset;
+  return std::sqrt(o * o + 2.0 * params.taper_brake * std::max(d, 0.0)) - o;
+}
+
+}  // namespace
+
+BOOST_AUTO_TEST_CASE(what_ramps_stays_inside_its_limits_and_its_falling_speed_limit) {
+  // Its acceleration changes by jerk * dt in a cycle, and no faster.
+  std::mt19937_64 rng(11);
+  const Axis axis;
+  int at_limit = 0, at_taper = 0, is_bound = 0;
+  for (int episode = 0; episode < 400; ++episode) {
+    BoundsParams params = random_params(rng);
+    params.delta_x = uniform(rng, 0.002, 0.02);
+    params.delta_v = uniform(rng, 0.01, 0.1);
+    params.jerk = std::exp(uniform(rng, 5.0, 9.0));  // 150 to 8000 rad/s3
+    params.taper_brake = uniform(rng, 2.0, 20.0);
+    params.taper_offset = uniform(rng, 0.05, 0.4);
+    double x = 0.3, v = 0.0, a = 0.0, wanted = 0.0;
+    for (int k = 0; k < 4000; ++k) {
+      if (k % 40 == 0) wanted = uniform(rng, -60, 60);
+      const Interval interval = bounds(x, v, axis, params);
+      BOOST_REQUIRE(interval.lb <= interval.ub);
+      const double inside = std::min(std::max(wanted, interval.lb), interval.ub);
+      is_bound += inside != wanted;
+      const double most = params.jerk * params.dt;
+      a = std::min(std::max(inside, a - most), a + most);
+      x += v * params.dt + 0.5 * a * params.dt * params.dt;
+      v += a * params.dt;
+      const double up = std::min(axis.v_max, tapered(axis.x_max - x, params));
+      const double down = std::min(axis.v_max, tapered(x - axis.x_min, params));
+      BOOST_REQUIRE_MESSAGE(x <= axis.x_max && x >= axis.x_min && v <= up && -v <= down,
+                            "x " << x << " v " << v << " a " << a << " limits " << up
+                                 << " " << down << " dt " << params.dt << " kappa "
+                                 << params.kappa << " jerk " << params.jerk << " brake "
+                                 << params.taper_brake << " offset "
+                                 << params.taper_offset << " eta " << params.eta);
+      at_limit += x > axis.x_max - params.delta_x - 2e-3;
+      at_taper += v > 0.1 && v > 0.9 * (1.0 - params.delta_v) * up && up < axis.v_max;
+    }
+  }
+  BOOST_TEST(at_limit > 100);
+  BOOST_TEST(at_taper > 100);
+  BOOST_TEST(is_bound > 10000);
+}
+
+BOOST_AUTO_TEST_CASE(a_ramp_that_takes_no_time_is_none) {
+  std::mt19937_64 rng(12);
+  const Axis axis;
+  for (int drawn = 0; drawn < kSamples / 10;) {
+    BoundsParams params = random_params(rng);
+    double x, v;
+    if (!draw_viable(rng, axis, params, x, v)) continue;
+    ++drawn;
+    const Interval at_once = bounds(x, v, axis, params);
+    params.jerk = 1e12;
+    const Interval ramped = bounds(x, v, axis, params);
+    // The search is as exact as this; a turn within T is judged without a root.
+    const double off =
+        std::max(std::abs(ramped.ub - at_once.ub), std::abs(ramped.lb - at_once.lb));
+    BOOST_REQUIRE_MESSAGE(
+        off < 0.05, "x " << x << " v " << v << " kappa " << params.kappa << " dt "
+                         << params.dt << " eta " << params.eta << " bounds "
+                         << at_once.lb << " " << at_once.ub << " and " << ramped.lb
+                         << " " << ramped.ub << " dx " << params.delta_x);
+  }
+}
+
 BOOST_AUTO_TEST_CASE(any_choice_from_a_viable_state_stays_viable) {
   std::mt19937_64 rng(1);
   const Axis axis;

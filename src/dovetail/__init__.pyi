@@ -71,12 +71,15 @@ from .poses import rotation_error as rotation_error
 from .poses import tool_down as tool_down
 from .robots.find import find_robot as find_robot
 from .robots.find import list_robots as list_robots
+from .robots.fr3 import fr3 as fr3
+from .robots.gen3 import gen3 as gen3
 from .robots.iiwa14 import iiwa14 as iiwa14
 from .robots.motors import Motors as Motors
 from .robots.robot import Robot as Robot
 from .search.corner import SEARCH_AXES as SEARCH_AXES
 from .search.corner import CornerSearch as CornerSearch
 from .tasks.fixture_pose import FixturePose as FixturePose
+from .tasks.insert.generated import generate_parts as generate_parts
 from .tasks.insert.task import Insert as Insert
 from .tasks.peg_in_hole.task import PegInHole as PegInHole
 from .tasks.rail_clip.task import RailClip as RailClip

@@ -22,6 +22,7 @@ COMMANDS = {
     "demo": ("Demo", "try the shipped policy on a twin: the main job"),
     "train": ("Train", "train a policy in a simulation or on an arm"),
     "export": ("Export", "write a model of Stable-Baselines3 or SBX as a policy"),
+    "part": ("Part", "check two meshes and make a part of them to train on"),
     "evaluate": ("Evaluate", "try a policy on a plant, a twin or an arm"),
     "compare": ("Compare", "say which of several policies is better"),
     "cockpit": ("Cockpit", "see an arm in the browser, and touch it"),

@@ -48,7 +48,7 @@ _UNITS = CYCLE_UNITS | dict.fromkeys(("step", "reward", LED), "1")
 _UNITS |= {f"obs_{name}": unit for name, unit in CYCLE_UNITS.items()}
 _UNITS |= dict.fromkeys(("obs_theta", "obs_tilt_x", "obs_tilt_y"), "rad")
 _UNITS |= dict.fromkeys((f"obs_mouth_{axis}" for axis in "xyz"), "m")
-_PARTS = {"hinge_": "rad", "slide_": "m"}
+_PARTS = {"hinge_": "rad", "screw_": "rad", "slide_": "m"}
 """Units of the joints of parts, by what the names of their columns begin with."""
 _WRENCH = tuple(name for name in CYCLE_COLUMNS if name.startswith("wrench_"))
 _MAY_BE_NAN = ("fx", "fy", "fz", *_WRENCH)  # what an arm or an old log does not know
@@ -69,7 +69,7 @@ def unit_of(column: str) -> str:
     if not is_action and column not in _UNITS:
         raise LogError(
             f"unknown log column {column!r}; known: {', '.join(CYCLE_COLUMNS)}, step, "
-            f"action1.., reward, {LED}, hinge_.., slide_.., {', '.join(OBSERVED)}"
+            f"action1.., reward, {LED}, {'.., '.join(_PARTS)}.., {', '.join(OBSERVED)}"
         )
     return "1" if is_action else _UNITS[column]
 
@@ -87,7 +87,7 @@ def log_columns(
         num_actions: Number of actions.
         observed: Names `obs_...`.
         is_led: With `LED`.
-        parts: Names of the joints of parts, `hinge_...` and `slide_...`.
+        parts: Names of the joints of parts, as `hinge_...` or `slide_...`.
     """
     actions = tuple(f"action{i + 1}" for i in range(num_actions))
     led = (LED,) if is_led else ()

@@ -11,11 +11,14 @@ import pytest
 from dovetail.errors import install_command
 
 BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
+EXAMPLES = BENCHMARKS.parent / "examples"
+FRANKA_SIM = Path(__file__).parents[2] / ".venv/franka-sim/bin/python"
 MODULES = {
     *("tracking_report", "cockpit_browser", "cockpit_client", "cockpit_garbage"),
-    "encoder_plant",
+    *("encoder_plant", "franka_in_step", "franka_shared", "franka_stops"),
+    "franka_rehearsed",
 }
-"""Files that others import, and that no one starts."""
+"""Files that others import or start, and no one else."""
 NEEDS = {
     "cockpit": {
         "viser": install_command("view"),
@@ -38,7 +41,20 @@ NEEDS = {
         "robosuite": "pip install robosuite==1.5.2 mujoco==3.3.0 in an environment of "
         "its own, and give its interpreter: benchmarks/tracking.py --robosuite PYTHON",
     },
+    "beside_franka_sim": {
+        "franka_sim": "make rehearse-franka, which makes an environment of its own",
+    },
+    **{
+        name: {
+            "franka_sim": "make rehearse-franka, which makes an environment of its own",
+        }
+        for name in ("franka_peers", "rehearse_franka", "rehearse_franka --stops")
+    },
     "demonstrations": {"sbx": install_command("learn", "view")},
+    "specialists": {
+        "sbx": install_command("learn"),
+        "shapely": install_command("parts"),
+    },
     "training_time": {"sbx": install_command("learn")},
     "learner_kills": {"grpc": install_command("rpc")},
     "adversary --contact": {"cmaes": install_command("identify")},
@@ -47,6 +63,7 @@ NEEDS = {
 """What a benchmark needs beyond the package, and how to get it."""
 TINY = {
     "adversary": ("--cycles 200 --period 0.005", "cycles"),
+    "beside_franka_sim": (f"--python {FRANKA_SIM} echo beside it", "beside it"),
     "bad_samples": ("--spikes 2 --period 0.005 --plants mujoco", "Nm"),
     "batch": ("--turns 1 --steps 8 --cores 1 --envs 2", "one environment"),
     "camera": (
@@ -56,6 +73,7 @@ TINY = {
     "aic_score": ("peg_square --tries 1 --tracker truth", "points of 300"),
     "blind_baselines": ("dovetail/PegInHole-v0 --most 2 --tries 1", "straight push"),
     "cabinet_rate": ("--plant mujoco --seconds 0.1", "periods/s"),
+    "clip_pull": ("rail_clip --tries 1", "1 bear 20 N"),
     "cockpit": ("--seconds 1 --moves 2 --clicks 2 --garbage 200", "load"),
     "cockpit_stop": ("--tries 2 --twin easy", "2 of 2 tries"),
     "adversary --contact": ("--contact --cycles 20 --period 0.005 --quiet", "cycles"),
@@ -67,6 +85,7 @@ TINY = {
         "--cycles 400 --searches 1 --workers 1 --periods 0.005",
         "worst",
     ),
+    "identify_contact": ("--twins 1 --shipped", "1 of 1 identified, 1 of 1 inside"),
     "loop_delay": ("--twins easy --periods 0.005 --delays 0.005", "worst error"),
     "cabinet_spring": (
         "--clock lockstep --periods 5 --stiffness 200 --damping 0.7 --repeats 1",
@@ -93,15 +112,34 @@ TINY = {
         "--tries 1 --clock lockstep --period 5ms --plant mujoco",
         "lockstep",
     ),
+    "mesh_pairs": (". --out table", "pairs"),
+    "specialists": (
+        f"{EXAMPLES / 'hexagon.toml'} --out done --tries 1 --steps 600 --num-envs 4 "
+        "--learning-starts 400 --eval-episodes 1",
+        "1 of 1 pairs trained",
+    ),
     "period_table": ("--tries 1 --twin none --period 5ms --push 0", "| none"),
     "policy_range": (
         "--tries 1 --policy peg_square --disturbance push",
         "| `peg_square` |",
     ),
     "rendering": ("--frames 5", "ratio"),
+    "rehearse_franka": (
+        f"--minutes 0.05 --only random --processor 0 --python {FRANKA_SIM}",
+        "ended early: 0",
+    ),
+    "rehearse_franka --stops": (
+        f"--stops --only stop-asked-for --tries 1 --processor 0 --python {FRANKA_SIM}",
+        "| stopped |",
+    ),
+    "franka_peers": (
+        f"--only dovetail --size 0.02 --processor 0 --python {FRANKA_SIM}",
+        "| dovetail |",
+    ),
     "resting_noise": ("--period 0.005 --plants mujoco", "mujoco"),
     "standing_still": ("--minutes 0.001 --twin none", "tool"),
     "robosuite_osc": ("FOLDER", ""),
+    "robot_files": ("nowhere.urdf", "1 refused"),
     "tared_wrench": ("--starts 1 --twins none", "| none | yes |"),
     "tare_accuracy": ("--tries 1 --twins easy", "| easy |"),
     "torque_hashes": ("record FILE random", "4 hashes in FILE"),
@@ -118,6 +156,8 @@ TINY = {
 
 def is_installed(what):
     """Whether a module is there, and has what is named after a colon."""
+    if what == "franka_sim":  # it wants an older NumPy than the tests
+        return FRANKA_SIM.exists()
     module, _, name = what.partition(":")
     if importlib.util.find_spec(module.partition(".")[0]) is None:
         return False

@@ -14,6 +14,7 @@ from dovetail.cabinet.config import Endpoint
 from dovetail.cabinet.control_port import MAX_LINE
 from dovetail.cabinet.protocol import SessionState
 from dovetail.cabinet.signals import parse_signal
+from dovetail.envs.registered import find_cell
 from dovetail.errors import ArmError, ConfigError
 
 from .client import mirror, wait_until
@@ -69,6 +70,26 @@ def test_status_says_how_it_goes(line, client):
     assert status["quality"] in ("GOOD", "EXCELLENT")
     assert status["counts"]["sent"] > 80
     assert status["clock"] == "lockstep"
+
+
+def test_a_client_of_another_robot_is_refused_by_both_names(cabinet):
+    control = CabinetControl(str(cabinet.control_address))
+    own, other = find_cell(), find_cell(robot="fr3")
+    control.agree(own)
+    for ask in (
+        lambda: control.agree(other),
+        lambda: control.place(Q_START, FIXTURE, cell=other),
+    ):
+        with pytest.raises(ArmError, match=r"robot is fr3, the cabinet's iiwa14") as no:
+            ask()
+        assert no.value.reason == "refused"
+    control.place(Q_START, FIXTURE, cell=own)
+    control.close()
+
+
+def test_a_robot_that_is_none_is_refused(line):
+    for robot in ("{", json.dumps({"name": "arm"})):
+        assert "robot" in line.ask(do="agree", robot=robot)["error"]
 
 
 def test_place_puts_the_arm_there_and_restarts_the_motion(cabinet, line, client):

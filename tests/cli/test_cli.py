@@ -220,15 +220,15 @@ def test_a_policy_for_the_rail_clip_is_trained_and_then_evaluated(tmp_path, caps
     printed = capsys.readouterr().out
     (command,) = [line for line in printed.splitlines() if "next: " in line]
     policy = json.loads((run_folder / "policy.json").read_text())
-    assert policy["env"]["task"] == "X:force A:pose YZBC:hold"
-    assert policy["env"]["clearance"] == 0.001
-    assert policy["action"]["size"] == 2
+    assert policy["env"]["task"] == "XY:force A:pose ZBC:hold"
+    assert policy["env"]["theta_range"] == 0.3
+    assert policy["action"]["size"] == 3
     out = tmp_path / "out"
     _, *words = command.partition("next: ")[2].split()
     assert run([*words, "--tries", "1", "--out", str(out)]) == 0
     report = json.loads((out / "report.json").read_text())
     assert [row["label"] for row in report["rows"]] == ["A", "B", "C", "all"]
-    assert "1 mm clearance" in report["title"]
+    assert "component on a DIN rail" in report["title"]
     words += ["--tries", "1", "--fixture", "0.84", "0", "0.41", "0"]
     assert run([*words, "--out", str(tmp_path / "given")]) == 0
     assert run([*words, "--start", "below", "--out", str(tmp_path / "below")]) == 2

@@ -12,11 +12,12 @@ from dovetail.arms.address import parse_address
 from dovetail.cli import run
 from dovetail.control.proven import DECLARED
 from dovetail.doctor.fri_arm import run_fri_checks
-from dovetail.doctor.gravity_error import check_gravity_error, load_torques
+from dovetail.doctor.gravity_error import check_gravity_error
 from dovetail.doctor.simulated_arm import run_simulated_checks
 from dovetail.envs.registered import find_cell
 from dovetail.plants.twin import load_twin, make_twin
 from dovetail.poses import Pose, quat_about_z, tool_down
+from dovetail.robots.missed_load import load_torques
 
 HOLE = Pose(np.array([0.60, 0.0, 0.10]), quat_about_z(0.0))
 START = Pose(np.array([0.60, 0.0, 0.20]), tool_down(0.0))

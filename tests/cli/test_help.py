@@ -8,7 +8,7 @@ import pytest
 import tyro
 
 from dovetail.cli import COMMANDS, run
-from dovetail.settings import defaults_of
+from dovetail.settings import defaults_of, names_in
 from dovetail.tasks.options import option_types
 from dovetail.tasks.peg_in_hole.task import PegInHole
 
@@ -42,6 +42,11 @@ def shown(name, capsys, option="--help"):
     return capsys.readouterr().out
 
 
+def flat(text):
+    """Return a help's words without its frame and its line breaks."""
+    return " ".join(text.replace("│", " ").split())
+
+
 @pytest.fixture(autouse=True)
 def usual_terminal(monkeypatch):
     monkeypatch.setenv("COLUMNS", "80")
@@ -59,6 +64,12 @@ def test_everything_is_said_with_help_all(name, capsys):
         option = f"--{field.name.replace('_', '-')}"
         is_positional = tyro.conf.Positional in getattr(field.type, "__metadata__", ())
         assert option in text or is_positional or field.name == "task_options", option
+
+
+@pytest.mark.parametrize("name", [n for n in PAGES if "robot" in names_in(PAGES[n])])
+def test_a_robot_may_be_a_file_on_every_command(name, capsys):
+    text = shown(name, capsys, "--help-all")
+    assert "Robot: a name, .urdf or .xml file, menagerie:NAME" in flat(text)
 
 
 @pytest.mark.parametrize("name", WITH_MORE)

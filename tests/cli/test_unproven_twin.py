@@ -18,6 +18,8 @@ from dovetail.control.config import LimitConfig
 from dovetail.errors import ConfigError, UnprovenWarning
 from dovetail.learn.config import TrainConfig
 from dovetail.plants.twin import list_twins, load_twin
+from dovetail.robots.iiwa14 import iiwa14
+from dovetail.robots.robot_text import write_robot_text
 
 
 def said_of(twin, arm=None):
@@ -140,6 +142,14 @@ def test_the_cabinet_says_it_before_it_begins(far, capsys, monkeypatch):
     mass, delay = capsys.readouterr().out.splitlines()
     assert mass.startswith("cabinet: warning: the error of a link's mass is 30 %")
     assert delay.startswith("cabinet: warning: delay is 15 ms of the twin")
+
+
+def test_the_cabinet_says_what_is_noted_of_its_robot(capsys, monkeypatch):
+    monkeypatch.setattr("dovetail.commands.cabinet.Server", _no_server)
+    text = write_robot_text(replace(iiwa14(), name="told", notes=("a note",)))
+    assert run(["cabinet", "--robot", text, "--control", "none"]) == 2
+    lines = capsys.readouterr().out.splitlines()
+    assert lines.count("cabinet: note: a note") == 1
 
 
 def _no_server(*args, **options):

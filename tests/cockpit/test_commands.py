@@ -3,11 +3,17 @@
 import signal
 import subprocess
 import sys
+from dataclasses import replace
+from io import StringIO
 
 import pytest
+from rich.console import Console
 
 from dovetail.cli import run
 from dovetail.commands.cockpit import Cockpit
+from dovetail.learn.policy import Policy, find_policy
+from dovetail.robots.iiwa14 import iiwa14
+from dovetail.robots.robot_text import write_robot_text
 from dovetail.tasks.shipped import DEFAULT_POLICY
 from extras import need
 
@@ -52,6 +58,19 @@ def test_the_shipped_policy_on_a_twin_is_what_is_shown_first():
     choice = Cockpit().choice()
     assert choice.place == "twin:medium"
     assert choice.policy == DEFAULT_POLICY
+
+
+def test_the_notes_of_a_policys_own_robot_are_printed(tmp_path, monkeypatch):
+    need("viser")
+    monkeypatch.setattr("dovetail.commands.cockpit.serve_page", lambda *a, **k: None)
+    text = write_robot_text(replace(iiwa14(), name="told", notes=("a note",)))
+    told = Policy.load(find_policy(DEFAULT_POLICY))
+    env = told.metadata["env"] | {"robot": text}
+    policy = Policy(told.layers, told.metadata | {"env": env}).save(tmp_path / "told")
+    out = StringIO()
+    shown = Cockpit(policy=str(policy), twin="easy", port=0, logs=tmp_path / "logs")
+    assert shown.run(Console(file=out, width=200)) == 0
+    assert out.getvalue().splitlines().count("note: a note") == 1
 
 
 def test_a_cockpit_that_is_ended_holds_the_arm_and_says_goodbye(tmp_path):

@@ -1,6 +1,7 @@
 """Logs of other people, and of other robots, in the replay."""
 
 import json
+import warnings
 
 import numpy as np
 import pytest
@@ -10,6 +11,8 @@ from dovetail.envs.log_facts import CELL, describe_cell
 from dovetail.envs.registered import DEFAULT_ENV, make_env, task_class
 from dovetail.episode import Episode
 from dovetail.errors import ConfigError, LogError, MissingDependencyError
+from dovetail.robots.find import whole_robot
+from robots.arm_files import urdf
 
 
 @pytest.fixture(scope="module")
@@ -110,6 +113,7 @@ def test_two_logs_are_as_far_apart_as_they_were(write):
     ("cell", "why"),
     [
         ({"env_id": "evil:Env-v0"}, "if you trust it"),
+        ({"env_id": "evil:Env.xml"}, "if you trust it"),
         ({"robot": "evil:make"}, "if you trust it"),
         ({"env_id": "dovetail/Nothing-v9"}, "unknown"),
         ({"task": {"clearance": 99.0}}, "clearance"),
@@ -126,6 +130,15 @@ def test_a_log_of_another_robot_than_the_one_given_is_refused(write, env):
     file = write(describe_cell(env))
     with pytest.raises(ConfigError, match="the log says 'iiwa14'"):
         Recorded.load(file, robot="my_robot:make")
+
+
+def test_a_log_may_hold_the_robot_of_the_file_that_is_given(write, env, tmp_path):
+    file = tmp_path / "arm.urdf"
+    file.write_text(urdf())
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of what the file leaves open
+        log = write(describe_cell(env) | {CELL: {"robot": whole_robot(str(file))}})
+        assert Recorded.load(log, robot=str(file)).cell.robot.name == "arm"
 
 
 @pytest.mark.parametrize(

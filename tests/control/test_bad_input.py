@@ -14,7 +14,7 @@ from dovetail.control.build import make_controller
 from dovetail.control.config import LimitConfig, OscConfig
 from dovetail.control.task_spec import TaskSpec
 from dovetail.errors import ConfigError
-from dovetail.settings import Range, values_of
+from dovetail.settings import Range, ranges_of, values_of
 
 TASKS = ("XYZ:force A:pose BC:hold", "XYZABC:hold")
 TASK = TASKS[0]
@@ -22,6 +22,8 @@ PERIOD = 1e-3
 NO_NUMBERS = (np.nan, np.inf, -np.inf)
 NO_INPUT = (*NO_NUMBERS, 1e300)
 LONGEST = 10.0  # s: an arm that was not controlled for as long starts anew
+UNBOUNDED = {n for n, r in ranges_of(LimitConfig).items() if np.isinf(r.high)}
+"""Limits whose infinity says that there is none."""
 NOWHERE = ("near_plane", 3, -np.inf)  # the one infinity with a meaning
 
 
@@ -38,6 +40,10 @@ def spoilt(value, numbers):
             copy = array.copy()
             copy[index] = number
             yield index, number, copy if array.ndim else float(copy)
+
+
+def wrong_for(name):
+    return [bad for bad in NO_NUMBERS if bad != np.inf or name not in UNBOUNDED]
 
 
 def is_number(value):
@@ -233,7 +239,7 @@ def test_cpp_refuses_every_setting_that_is_no_number_and_names_it(robot, limits,
     numbers = [n for n in names_of(struct) if is_number(getattr(struct, n))]
     assert len(numbers) > 10
     for name in numbers:
-        for index, number, bad in spoilt(getattr(struct, name), NO_NUMBERS):
+        for index, number, bad in spoilt(getattr(struct, name), wrong_for(name)):
             structs = fresh()
             setattr(structs[kind], name, bad)
             element = name + "".join(f"[{i}]" for i in index)
@@ -253,7 +259,7 @@ def test_every_setting_is_refused_by_name_in_python_too(robot, config):
         notes = getattr(field.type, "__metadata__", ())
         ranges = [note for note in notes if isinstance(note, Range)]
         assert ranges, f"{config.__name__}.{name} has no Range"
-        for index, number, bad in spoilt(values[name], NO_NUMBERS):
+        for index, number, bad in spoilt(values[name], wrong_for(name)):
             element = name + "".join(rf"\[{ranges[0].labels[i]}\]" for i in index)
             says = rf"{element} is {number:g}.*allowed"
             with pytest.raises(ConfigError, match=says):

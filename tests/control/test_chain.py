@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from dovetail.poses import quat_from_matrix
+from dovetail.robots.find import find_robot
 from dovetail.robots.iiwa14 import INERTIA_SETS, iiwa14
 from dovetail.robots.robot import Robot
 from extras import need
@@ -13,13 +14,15 @@ STATES = 200
 TOLERANCE = 1e-9  # SI units; entries are at most about 100
 
 
-@pytest.fixture(params=INERTIA_SETS)
+@pytest.fixture(params=[*INERTIA_SETS, "fr3", "gen3"])
 def loaded(request, gripper) -> Robot:
-    """Every inertia set with the gripper and a tool frame turned on the flange."""
+    """Every inertia set, and other arms, with the gripper and a turned tool frame."""
     c, s = np.cos(0.4), np.sin(0.4)
     turn = np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]])
     tool_position = np.array([0.01, -0.02, 0.18])
-    return iiwa14(request.param).with_tool(gripper, tool_position, turn)
+    name = request.param
+    bare = iiwa14(name) if name in INERTIA_SETS else find_robot(name)
+    return bare.with_tool(gripper, tool_position, turn)
 
 
 def random_states(robot, rng):

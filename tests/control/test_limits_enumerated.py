@@ -56,6 +56,67 @@ def check_dq_max(bench):
         assert np.abs(held.dq[:, i]).max() < limit + REAL, f"dq_max[A{i + 1}]"
 
 
+def check_taper_brake(bench):
+    limit = bench.q[0] + 0.3
+    limits = replace(
+        bench.with_element("q_max", 0, limit), taper_offset=np.full(7, 0.1)
+    )
+    free = bench.joint(limits, 0, gain=10.0, cycles=800)
+    for brake in (1.0, 3.0):
+        slow = replace(limits, taper_brake=np.full(7, brake))
+        run = bench.joint(slow, 0, gain=10.0, cycles=800)
+        falls = np.sqrt(0.01 + 2.0 * brake * np.maximum(limit - run.q[:, 0], 0.0)) - 0.1
+        assert (run.dq[:, 0] - falls).max() < REAL
+        assert run.dq[:, 0].max() < 0.9 * free.dq[:, 0].max()
+
+
+def check_taper_offset(bench):
+    limit = bench.q[0] + 0.3
+    limits = bench.with_element("q_max", 0, limit)
+    limits = replace(limits, taper_brake=np.full(7, 3.0))
+    speeds = []
+    for offset in (0.0, 0.4):
+        slow = replace(limits, taper_offset=np.full(7, offset))
+        run = bench.joint(slow, 0, gain=10.0, cycles=800)
+        falls = np.sqrt(offset**2 + 6.0 * np.maximum(limit - run.q[:, 0], 0.0)) - offset
+        assert (run.dq[:, 0] - falls).max() < 2.0 * REAL
+        speeds.append(run.dq[:, 0].max())
+    assert speeds[1] < 0.8 * speeds[0]
+
+
+def check_dtau_max(bench):
+    def overlay(run):
+        return run.motor - np.array([bench.chain.gravity(q) for q in run.q])
+
+    free = bench.joint(bench.loose, 0, cycles=50)
+    most = 0.1 * np.abs(overlay(free)[0]).max() / PERIOD  # the first comes at once
+    slow = replace(bench.loose, dtau_max=np.full(7, most))
+    run = bench.joint(slow, 0, cycles=50)
+    changes = np.diff(np.vstack([np.zeros(7), overlay(run)]), axis=0)
+    assert np.abs(changes).max() / PERIOD == pytest.approx(most, rel=1e-6)
+    assert run.bits("torque")
+
+
+def check_jerk_max(bench):
+    limits = bench.with_element("q_max", 0, bench.q[0] + 0.2)
+    free = bench.joint(limits, 0, gain=10.0, cycles=600)
+    slow = bench.joint(
+        replace(limits, jerk_max=np.full(7, 60.0)), 0, gain=10.0, cycles=600
+    )
+    # What brakes on a ramp begins earlier.
+    assert slow.dq[:, 0].max() < 0.9 * free.dq[:, 0].max()
+    assert slow.bits("joint_position") & 1
+
+
+def check_jerk_wall(bench):
+    start = bench.chain.pose(bench.q)[0]
+    limits = bench.with_element("x_max", 0, start[0] + 0.05)
+    free = bench.axis(limits, 0, cycles=400)
+    slow = bench.axis(replace(limits, jerk_wall=20.0), 0, cycles=400)
+    assert np.abs(slow.speed[:, 0]).max() < 0.95 * np.abs(free.speed[:, 0]).max()
+    assert slow.bits("wall_position") & 1
+
+
 def check_ddq_max(bench):
     for i in range(7):
         free = bench.joint(bench.loose, i)

@@ -12,7 +12,6 @@ from dovetail.control.task_spec import TaskSpec
 from dovetail.doctor.cabinet_spring import LEAN_RATE, Side, measure_spring, reached
 from dovetail.doctor.diagnosis import diagnose_arm, overload_hint
 from dovetail.doctor.excitation import excitation_gains, simulated_step
-from dovetail.doctor.gravity_error import explain_by_load
 from dovetail.envs.arm_setup import make_settings
 from dovetail.envs.config import EnvConfig
 from dovetail.envs.registered import find_cell
@@ -21,6 +20,7 @@ from dovetail.plants.find import make_plant
 from dovetail.plants.plant import COLUMN, CYCLE_COLUMNS, FLAG_MASK, DynamicsConfig
 from dovetail.plants.twin import load_twin, make_twin
 from dovetail.poses import Pose, quat_about_z, tool_down
+from dovetail.robots.missed_load import explain_by_load
 
 CELL = find_cell()
 HOLE = Pose(np.array([0.60, 0.0, 0.10]), quat_about_z(0.0))

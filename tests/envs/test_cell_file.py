@@ -50,7 +50,7 @@ def cell():
 
 def test_fixtures_and_starts_are_drawn_where_the_file_says(cell):
     env = make(PEG, cell=cell)
-    core, region = env.unwrapped, Region.of(cell)
+    core, region = env.unwrapped, Region.of(env.unwrapped.cell)
     for seed in range(20):
         env.reset(seed=seed)
         assert (core.fixture.position >= np.array(region.low) - 1e-12).all()
@@ -127,7 +127,7 @@ def test_the_region_is_drawn_from_for_a_task_of_ones_own_too(cell):
         env.reset(seed=seed)
         assert (env.fixture.position >= np.array(cell.fixture_low) - 1e-12).all()
         assert env.state.tool.position[1] < cell.walls_high[1]
-    assert Own().trial_poses_in(cell)[0][1:4] == pytest.approx((0.54, 0.15, 0.22))
+    assert Own().trial_poses_in(env.cell)[0][1:4] == pytest.approx((0.54, 0.15, 0.22))
     env.close()
 
 

@@ -38,7 +38,7 @@ def path(env):
     "make",
     [
         lambda: make_env(PegInHole, "twin:medium", peg="round", stack=1),
-        lambda: make_env(RailClip, clearance=0.002),
+        lambda: make_env(RailClip, theta_range=0.3),
         lambda: gym.make(ID, twin="easy", randomisation=RandomisationConfig()),
         lambda: gym.make("dovetail/RailClip-v0"),
         lambda: make_perturbed(ID, Perturbation(fixture_shift=0.002, push=20.0), {}),

@@ -4,6 +4,7 @@ from contextlib import closing
 from dataclasses import dataclass, replace
 
 import gymnasium as gym
+import mujoco
 import numpy as np
 import pytest
 
@@ -12,10 +13,14 @@ from dovetail.cockpit.recorded import _parts
 from dovetail.envs.free_start import StartCheck
 from dovetail.envs.log_facts import part_columns
 from dovetail.envs.observation import Layout
-from dovetail.episode import Episode
+from dovetail.envs.registered import find_cell
+from dovetail.episode import Episode, unit_of
 from dovetail.errors import ConfigError, LogError
+from dovetail.plants.mjcf import model_positions
 from dovetail.plants.plant import CYCLE_COLUMNS
+from dovetail.poses import matrix_from_quat
 from dovetail.robots.iiwa14 import iiwa14
+from dovetail.view.cell_model import cell_spec
 from dovetail.workcell.joints import Joint
 from dovetail.workcell.parts import Moving, Part, Primitive
 from extras import need
@@ -99,6 +104,7 @@ def test_a_log_has_a_column_for_each_joint(tmp_path):
     np.testing.assert_array_equal(read["hinge_door"], [0.5] * 3 + [0.6] * 3)
     units = dict(zip(read.columns, read.units, strict=True))
     assert (units["hinge_door"], units["slide_x"]) == ("rad", "m")
+    assert unit_of("screw_nut") == unit_of("obs_screw_nut") == "rad"
     columns = {name: read[name] for name in read.columns}
     assert _parts(columns, ["hinge_door", "slide_x"])[-1] == pytest.approx([0.6, 0.02])
     assert _parts(columns, ["hinge_other"]).shape == (6, 0)
@@ -137,3 +143,25 @@ def test_a_picture_shows_the_piece_where_it_is(env):
         fallen = renderer.draw(Q_BENT, HOLE, parts=np.array([1.4]))
     np.testing.assert_array_equal(start, given)
     assert np.abs(start.astype(int) - fallen).max(axis=2).astype(bool).sum() > 100
+
+
+def test_a_drawn_screw_lies_where_its_turn_puts_it():
+    lid = np.array([0.0, 0.0, 0.01])
+    cap = Primitive("cap", "box", (0.02, 0.01, 0.005), lid, mass=0.1)
+    thread = Joint(
+        name="thread", kind="screw", axis=(0.0, 0.6, 0.8), pitch=-0.03,
+        origin=(0.01, 0.02, 0.0), range=(-9.0, 9.0), start=0.5,
+    )  # fmt: skip
+    screw = Moving(thread, (cap,))
+    fixture = replace(find_cell().fixture, moving=(door(), screw))
+    cell = replace(find_cell(), make_fixture=lambda _: fixture)
+    model = cell_spec(cell).compile()
+    data = mujoco.MjData(model)
+    data.mocap_pos[0], data.mocap_quat[0] = HOLE
+    data.qpos[:] = model_positions(Q_BENT, cell.joints, np.array([0.7, 4.0]))
+    mujoco.mj_kinematics(model, data)
+    (shape,) = screw.at(4.0)
+    expected = HOLE.position + shape.position
+    np.testing.assert_allclose(data.geom("cap").xpos, expected, atol=1e-12)
+    R = data.geom("cap").xmat.reshape(3, 3)
+    np.testing.assert_allclose(R, matrix_from_quat(shape.quat_wxyz), atol=1e-9)

@@ -132,7 +132,7 @@ def sag(name, axes, *, tare):
 
 @pytest.mark.parametrize(
     ("name", "axes"),
-    [("dovetail/RailClip-v0", [1, 2]), ("dovetail/PegInHole-v0", [3, 4])],
+    [("dovetail/RailClip-v0", [2]), ("dovetail/PegInHole-v0", [3, 4])],
 )
 def test_held_axes_do_not_sag_with_it(name, axes):
     without = sag(name, axes, tare=False)

@@ -11,6 +11,7 @@ from dovetail.control.target_columns import TARGET_UNITS
 from dovetail.envs.registered import find_cell, make_env
 from dovetail.episode import Episode
 from dovetail.errors import ArmError, ConfigError, LogError, UnprovenWarning
+from dovetail.identify import gapless
 from dovetail.identify.log_checks import assign_steps
 from dovetail.identify.recorder import RecordConfig, _contact, record
 from dovetail.identify.recording import Recording
@@ -70,6 +71,40 @@ def test_a_recording_that_was_cut_short_is_continued(copy, settings, quiet):
     again = record(RecordConfig(out=copy, **settings), quiet)
     assert again.fingerprint() == before
     assert (copy / FIRST).stat().st_mtime_ns == kept
+
+
+def gaps_in_tries(monkeypatch, tries):
+    """Let cycles be missing in the first so many tries of a sequence."""
+    plays = []
+
+    def find(time, _period):
+        plays.append(time)
+        return np.diff(time) < (np.inf if len(plays) <= tries else -np.inf)
+
+    monkeypatch.setattr(gapless, "find_gaps", find)
+    return plays
+
+
+def test_a_sequence_with_missing_cycles_is_played_again(
+    copy, settings, quiet, monkeypatch
+):
+    before = Recording.load(copy).fingerprint()
+    (copy / "sequence-01.npz").unlink()
+    plays = gaps_in_tries(monkeypatch, 2)
+    assert record(RecordConfig(out=copy, **settings), quiet).fingerprint() == before
+    assert len(plays) == 3
+
+
+def test_an_arm_that_never_gives_every_cycle_ends_the_recording(
+    copy, settings, quiet, monkeypatch
+):
+    (copy / "sequence-01.npz").unlink()
+    plays = gaps_in_tries(monkeypatch, 100)
+    with pytest.raises(ArmError) as error:
+        record(RecordConfig(out=copy, **settings), quiet)
+    assert error.value.reason == "gaps"
+    assert len(plays) == gapless.TRIES
+    assert not (copy / "sequence-01.npz").exists()
 
 
 def test_another_recording_is_not_overwritten(copy, settings, quiet):

@@ -1,13 +1,20 @@
+import warnings
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from dovetail.errors import ConfigError, PlantError
+from dovetail.errors import ConfigError, PlantError, UnprovenWarning
+from dovetail.identify.fit import FitConfig, fit
+from dovetail.identify.fit_folder import MODEL
 from dovetail.identify.parameters import nominal_model
 from dovetail.identify.recorder import RecordConfig, record
 from dovetail.identify.recording import Recording
 from dovetail.identify.replay import DIVERGED, LogReplay
 from dovetail.plants.twin import load_twin
-from dovetail.robots.links import InertiaSet
+from dovetail.robots.iiwa14 import iiwa14
+from dovetail.robots.links import NOMINAL, InertiaSet
+from dovetail.robots.robot_text import write_robot_text
 from extras import need
 
 
@@ -18,6 +25,24 @@ def replay(folder):
 
 def test_the_true_model_replays_the_log_exactly(replay, planted_file):
     assert replay.rms(load_twin(planted_file)) < 1e-12
+
+
+def test_a_robot_with_masses_of_its_own_is_replayed_with_them(
+    settings, quiet, tmp_path
+):
+    """It was called another robot's, in a warning of each process."""
+    links = replace(iiwa14().links, inertia_set=NOMINAL, inertia_sets={})
+    text = write_robot_text(replace(iiwa14(), name="told", links=links))
+    out, short = tmp_path / "log", {"sequences": 1, "steps": 4}
+    record(RecordConfig(out=out, robot=text, **settings | short), quiet)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", UnprovenWarning)
+        replay = LogReplay(Recording.load(out))
+    assert np.isfinite(replay.rms(nominal_model()))
+    replay.close()
+    config = FitConfig(log=out, out=tmp_path / "fit", evaluations=12, workers=1)
+    fit(config, quiet)
+    assert load_twin(tmp_path / "fit" / MODEL).inertia == NOMINAL
 
 
 @pytest.mark.parametrize("period", [1e-3, 5e-3])

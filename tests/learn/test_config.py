@@ -91,17 +91,19 @@ def test_the_noted_command_trains_with_the_same_settings():
 
 def test_task_and_clearance_are_the_environments_own():
     peg, clip = TrainConfig(), TrainConfig(env="dovetail/RailClip-v0")
+    gear = TrainConfig(env="dovetail/GearMesh-v0")
     for config, task, clearance in (
         (peg, "XYZ:force A:pose BC:hold", 0.0005),
-        (clip, "X:force A:pose YZBC:hold", 0.001),
+        (gear, "XYZ:force A:pose BC:hold", 0.0002),
+        (clip, "XY:force A:pose ZBC:hold", None),
     ):
         for settings in (config.to_json(), config.env_options()):
             assert settings["task"] == task
-            assert settings["clearance"] == clearance
+            assert settings.get("clearance") == clearance
     assert clip.command() == "dovetail train --env dovetail/RailClip-v0"
     assert replace(peg, env=clip.env) == clip
-    other = replace(clip, task_options={"clearance": 0.002})
-    assert other.env_options()["clearance"] == 0.002
+    other = replace(gear, task_options={"clearance": 0.0003})
+    assert other.env_options()["clearance"] == 0.0003
 
 
 @pytest.mark.parametrize("name", ["dovetail/Nut-v0", "CartPole-v1", "peg"])

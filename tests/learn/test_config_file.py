@@ -60,6 +60,13 @@ def test_a_key_is_the_name_of_the_setting_or_of_the_tasks_option(tmp_path):
     assert table["f_scale"] == [1.0, 2.0, 3.0]
 
 
+def test_a_recipes_teacher_is_left_out_where_a_run_starts_from_a_policy():
+    assert read(["--recipe", "insert_any"]).has_teacher
+    found = read(["--recipe", "insert_any", "--from-policy", "insert_any"])
+    assert not found.has_teacher
+    assert found.doubt == 0.003
+
+
 @pytest.mark.parametrize("name", list_recipes())
 def test_a_recipe_is_a_training(name):
     table = tomllib.loads(find_recipe(name).read_text())

@@ -103,7 +103,58 @@ def test_a_test_is_passed_where_wilsons_bound_is_reached(count, until):
         assert passed == (wilson_interval(count - failures, count)[0] >= until)
 
 
-def test_a_test_that_cannot_be_passed_any_more_ends():
+def history(stop, step, counts):
+    """Make tests with so many successes of 300; return which of them ended the run."""
+    for number, succeeded in enumerate(counts):
+        tries = [True] * succeeded + [False] * (300 - succeeded)
+        portions = [tries[i : i + PORTION] for i in range(0, 300, PORTION)]
+        if stop.is_passed(step, portions):
+            return number
+        step += SETTLE
+    return None
+
+
+@pytest.mark.parametrize(
+    ("counts", "last"),
+    [
+        ([299], 0),  # proven: 298 of 300 are not
+        ([298], None),
+        ([298, 298], 1),
+        ([294, 297, 296], 2),  # the second was better
+        ([294, 295, 296, 297, 298, 300], 5),
+        ([298, 293, 298, 293], None),  # not two in a row
+        ([293] * 20, None),  # 97.7 %: the steps end it
+        ([296, 294], 1),
+        ([290, 285, 299], 2),
+    ],
+)
+def test_a_run_ends_where_success_is_proven_or_shown_twice(counts, last):
+    stop, step = learned(replace(CONFIG, until=0.98, test_episodes=300))
+    assert history(stop, step, counts) == last
+    assert bool(stop.end) == (last is not None)
+
+
+@pytest.mark.parametrize(("rate", "least"), [(0.95, 25), (0.987, 0)])
+def test_a_policy_at_987_permille_ends_and_one_at_950_goes_on(rate, least):
+    rng, lengths = np.random.default_rng(0), []
+    for _ in range(40):
+        stop, step = learned(replace(CONFIG, until=0.98, test_episodes=300))
+        counts = rng.binomial(300, rate, 30)
+        last = history(stop, step, counts.tolist())
+        lengths.append(30 if last is None else last + 1)
+    assert np.mean(lengths) > least
+    assert least or np.percentile(lengths, 90) <= 8
+
+
+def test_a_shown_success_is_forgotten_when_the_run_unlearns():
+    stop, step = learned(replace(CONFIG, until=0.98, test_episodes=300))
+    assert history(stop, step, [298]) is None
+    step = told(stop, step + 10, [False] * 16)
+    told(stop, step + 10, [True] * WINDOW)
+    assert history(stop, step, [297]) is None
+
+
+def test_a_test_that_can_show_nothing_any_more_ends():
     stop, step = learned()
 
     def portions():

@@ -1,19 +1,26 @@
 """A policy's file chooses how the task was set, never where it runs."""
 
 import math
+from dataclasses import replace
 
 import pytest
 
 from dovetail.arms.fri_arm import FriAddress
+from dovetail.envs.registered import task_class
 from dovetail.errors import ConfigError, PolicyError
 from dovetail.learn.policy import Policy, find_policy, list_policies
 from dovetail.learn.policy_env import (
     CHOSEN,
+    known_env_id,
     lax_contact,
     make_policy_env,
     policy_settings,
     require_contact_accepted,
+    require_own_robot,
 )
+from dovetail.robots.iiwa14 import iiwa14
+from dovetail.robots.robot_text import write_robot_text
+from dovetail.tasks.options import own_options
 
 ROBOT = "fri://127.0.0.1:30200"
 CABINET = f"{ROBOT}?control=127.0.0.1:30301"
@@ -29,16 +36,19 @@ def changed(policy: Policy, section: str, **change) -> Policy:
 def test_the_shipped_policies_run_where_they_were_trained_for(name):
     policy = Policy.load(find_policy(name))
     settings = policy_settings(policy.metadata)
-    # Settings that an older file does not have.
+    # Settings that an older file does not have, and one that is chosen by the arm.
     later = {"also", "recall", "script", "correction", "fall_back", "cell"}
-    later |= {"grasp_error", "grasp_turn"}
-    assert set(settings) | later == {*CHOSEN, "peg", "clearance"}
+    later |= {"grasp_error", "grasp_turn", "tilt", "facing", "tare"}
+    own = own_options(task_class(known_env_id(policy.metadata)))
+    known = {*CHOSEN, *own}
+    assert set(settings) | (later & known) == known
     # What searches is faster near contact; nothing else is laxer than usual.
-    fast = {"search_square": 0.05, "peg_near": 0.022}.get(name)
+    fast = {"search_square": 0.05, "insert_any": 0.05, "peg_near": 0.022}.get(name)
     said = [] if fast is None else [("near_speed", fast, 0.02, "m/s")]
     assert lax_contact(settings) == said
     env = make_policy_env(policy, twin="easy")
-    assert env.unwrapped.task.peg == settings["peg"]
+    for option in own.keys() & settings.keys():
+        assert vars(env.unwrapped.task)[option] == settings[option]
     env.close()
 
 
@@ -179,6 +189,11 @@ def test_another_scaling_is_refused_by_its_column_or_axis(
         make_policy_env(other)
 
 
+def test_where_the_robot_is_another_one_both_are_named(policy):
+    with pytest.raises(PolicyError, match=r"with the robot iiwa14, and here is fr3"):
+        make_policy_env(policy, robot="fr3")
+
+
 @pytest.mark.parametrize(
     ("section", "change", "words"),
     [
@@ -201,3 +216,13 @@ def test_a_file_that_does_not_say_its_scaling_is_refused(policy):
     del metadata["observation"]
     with pytest.raises(PolicyError, match="export the policy again"):
         make_policy_env(Policy(policy.layers, metadata))
+
+
+def test_a_policy_does_not_choose_the_limits_of_a_robot():
+    text = write_robot_text(replace(iiwa14(), name="arm"))
+    with pytest.raises(ConfigError, match="describes its own robot, 'arm'"):
+        require_own_robot(text, ROBOT, is_given=False)
+    require_own_robot(text, ROBOT, is_given=True)
+    require_own_robot("fr3", ROBOT, is_given=False)
+    for simulated in (None, "twin:medium", CABINET):
+        require_own_robot(text, simulated, is_given=False)

@@ -32,6 +32,8 @@ from dovetail.learn.run_folder import (
 from dovetail.learn.train import train
 from dovetail.plants.twin import load_twin
 from dovetail.plugins import TRUSTED, trust_typed
+from dovetail.robots.iiwa14 import iiwa14
+from dovetail.robots.robot_text import write_robot_text
 
 from .conftest import SMALL
 
@@ -110,6 +112,14 @@ def test_an_option_that_differs_from_the_run_is_named(small, words, message, cap
     again = begin(replace(small, task_options={"clearance": 0.001}, tare=False))
     assert run(["train", *again, *words]) == 2
     assert message in capsys.readouterr().err
+
+
+def test_a_files_robot_is_called_by_its_name(small, capsys):
+    text = write_robot_text(replace(iiwa14(), name="told"))
+    again = begin(replace(small, robot=text))
+    assert run(["train", *again, "--robot", "fr3"]) == 2
+    said = capsys.readouterr().err
+    assert "robot is 'fr3', the run was started with told, read from a file" in said
 
 
 def test_the_runs_settings_are_read_back_whole(small):

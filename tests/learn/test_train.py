@@ -28,9 +28,23 @@ from dovetail.learn.policy import Policy
 from dovetail.learn.progress import read_progress
 from dovetail.learn.run_folder import RunLock
 from dovetail.learn.train import train
+from dovetail.robots.iiwa14 import iiwa14
+from dovetail.robots.robot_text import write_robot_text
 from dovetail.settings import values_of
 
 from .conftest import SMALL
+
+
+def test_a_run_of_an_arm_that_is_too_short_leaves_no_folder(small):
+    robot = iiwa14()
+    origins = robot.geometry.origin_position.copy()
+    origins[4:6] *= 0.6
+    geometry = replace(robot.geometry, origin_position=origins)
+    short = write_robot_text(replace(robot, name="short", geometry=geometry))
+    with pytest.raises(ConfigError) as refused:
+        train(replace(small, robot=short))
+    assert refused.value.value == "short"
+    assert not small.out.exists()
 
 
 def test_a_training_leaves_policy_evaluation_progress_and_settings(small):

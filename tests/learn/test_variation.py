@@ -1,5 +1,7 @@
 """What differs between the episodes of a training, and is not told."""
 
+import json
+
 import numpy as np
 import pytest
 
@@ -7,6 +9,7 @@ from dovetail.envs.unwrapped import require_contact_env
 from dovetail.errors import ConfigError
 from dovetail.learn.config import TrainConfig
 from extras import need
+from facts import about
 
 SEARCH = {
     "task": "XYZ:force ABC:pose",
@@ -46,6 +49,38 @@ def test_of_several_options_every_pair_is_there():
     np.testing.assert_array_equal(kinds[6], kinds[0])
     alike = TrainConfig(doubt=0.01, num_envs=3)
     assert alike.kinds(3).shape == (3, 0)
+
+
+HEXAGONS = (
+    """units = "mm"\noutline = "hexagon {}"\ndepth = 9\ngap = 0.3\nlength = 60\n"""
+)
+
+
+def test_each_environment_has_the_next_part_of_a_folder(tmp_path):
+    need("shapely")
+    for name, size in (("b", 12), ("a", 10), ("c", 14)):
+        (tmp_path / f"{name}.toml").write_text(HEXAGONS.format(size))
+    inside = tmp_path / "inside" / "00015"
+    inside.mkdir(parents=True)
+    (inside / "part.toml").write_text(HEXAGONS.format(16))
+    (tmp_path / "note.txt").write_text("no part")
+    env = "dovetail/Insert-v0"
+
+    def names(vary, count):
+        config = TrainConfig(env=env, vary=vary, num_envs=count)
+        parts = [config.varied_options(i)["part"] for i in range(count)]
+        assert '"part"' not in config.env_options()["part"]
+        return [json.loads(part)["name"] for part in parts]
+
+    assert names(f"part={tmp_path}", 4) == ["a", "b", "c", "a"]
+    assert names(f"part={inside.parent}", 1) == ["00015"]
+    both = f"part={inside}/part.toml,{tmp_path}/c.toml"
+    assert names(both, 2) == ["00015", "c"]
+    with pytest.raises(ConfigError, match="3 values of part to 2 environments"):
+        TrainConfig(env=env, vary=f"part={tmp_path}", num_envs=2)
+    (tmp_path / "none").mkdir()
+    with pytest.raises(ConfigError, check=about("part")):
+        TrainConfig(env=env, vary=f"part={tmp_path}/none", num_envs=2)
 
 
 @pytest.mark.parametrize(

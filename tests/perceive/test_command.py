@@ -2,6 +2,7 @@
 
 import re
 import shutil
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,7 +12,10 @@ from dovetail.envs.registered import find_cell
 from dovetail.perceive.camera import Camera, Lens, load_camera
 from dovetail.perceive.simulated import Simulated
 from dovetail.plants.twin import load_twin
-from dovetail.poses import quat_from_vector
+from dovetail.poses import matrix_from_quat, quat_about_z, quat_from_vector
+from dovetail.robots.iiwa14 import iiwa14
+from dovetail.robots.robot import ANY_GRIPPER
+from dovetail.robots.robot_text import write_robot_text
 from dovetail.trackers.find import TrackerContext, find_tracker
 
 from .scene import PLACE, beside
@@ -74,6 +78,22 @@ def test_hand_eye_moves_the_simulated_arm_and_says_how_sure_it_is(
     np.testing.assert_allclose(back.position, found.position, atol=1e-12)
     assert camera(*words[:4]) == 2
     assert "stays" in capsys.readouterr().err
+
+
+def test_a_camera_on_a_flange_that_is_turned_to_suit_the_task_is_found(
+    opengl, file, tmp_path, capsys
+):
+    """It was given in the axes of the robot's file: off by 76 mm."""
+    arm = iiwa14()
+    R = arm.geometry.flange_rotation @ matrix_from_quat(quat_about_z(np.pi / 4.0))
+    geometry = replace(arm.geometry, flange_rotation=R)
+    bare = {"geometry": geometry, "gripper": ANY_GRIPPER, "postures": {}}
+    text, out = write_robot_text(replace(arm, **bare)), tmp_path / "out.toml"
+    words = ["hand-eye", file, "--robot", text]
+    assert camera(*words, "--out", out, "--count", "8") == 0
+    assert "the tool is mounted turned by" in capsys.readouterr().out
+    np.testing.assert_allclose(load_camera(out).position, [0, 0.09, 0.03], atol=5e-4)
+    assert camera("watch", out, "--robot", text, "--count", "1") == 0
 
 
 def test_a_shuffled_table_of_poses_is_named(calibrated, tmp_path, capsys):

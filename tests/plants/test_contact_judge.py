@@ -6,6 +6,7 @@ import pytest
 from dovetail import _bench
 from dovetail.control.config import LimitConfig
 from dovetail.envs.registered import find_cell
+from dovetail.robots.fr3 import fr3
 
 H = 1e-3
 HOME = np.array([0.0, 0.6, 0.0, -1.6, 0.0, 0.95, 0.0])
@@ -44,6 +45,27 @@ def test_speed_is_told_as_a_share_of_its_limit(judge, limits):
     assert judge.speed.value == pytest.approx(1.25)
     assert judge.speed.axis == 5
     assert judge.speed.time == pytest.approx(H)
+
+
+@pytest.mark.parametrize("joint", [1, 3, 5])
+@pytest.mark.parametrize("room", [0.02, 0.1, 0.3])
+@pytest.mark.parametrize("way", [-1.0, 1.0])
+def test_the_falling_speed_is_the_makers(joint, room, way):
+    """The controller's position limits lie inside the robot's, by the standing room."""
+    arm, one = fr3(), np.eye(7)[joint]
+    own = arm.limits
+    judge = _bench.ContactJudge(
+        arm.chain(), LimitConfig.for_period(arm, H, walls=False).params()
+    )
+    end = (own.q_max if way > 0.0 else own.q_min)[joint]
+    q = arm.posture("down") * (1.0 - one) + (end - way * room) * one
+    most = np.sqrt(2.0 * own.taper_brake * room) - own.taper_offset
+    look(judge, q, 0.99 * way * most * one)
+    assert judge.tapered_speed.count == 0
+    look(judge, q, 1.01 * way * most * one)
+    assert judge.tapered_speed.count == 1
+    assert judge.tapered_speed.axis == joint
+    assert judge.tapered_speed.value == pytest.approx(0.01 * most[joint])
 
 
 def test_walls_and_tcp_speed_are_those_of_the_true_tool(judge, robot, limits):

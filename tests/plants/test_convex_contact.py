@@ -7,12 +7,11 @@ import numpy as np
 import pytest
 
 from dovetail.envs.registered import find_cell
-from dovetail.plants.find import make_plant
 from dovetail.plants.mjcf import build_mjcf
-from dovetail.plants.plant import DynamicsConfig
-from dovetail.poses import TOOL_DOWN, Pose, matrix_from_quat, quat_multiply
+from extras import need
+from plants.inserted import place_inserted
 
-pytest.importorskip("shapely")
+need("shapely")
 EXAMPLES = Path(__file__).parent.parent.parent / "examples"
 ENV = "dovetail/Insert-v0"
 
@@ -33,16 +32,7 @@ def test_only_cells_with_convex_parts_collide_in_several_points():
 @pytest.mark.parametrize("name", ["hexagon", "d_shaft", "keyed_plug"])
 def test_100_newton_press_an_inserted_plug_in_by_less_than_a_tenth_of_a_mm(name, aside):
     cell = find_cell(ENV, part=str(EXAMPLES / f"{name}.toml"))
-    plant = make_plant("mujoco", cell, DynamicsConfig.of_robot(cell.robot))
-    robot = cell.loaded_robot()
-    # Exactly upright over the table, inserted to the floor.
-    down = Pose(np.array([0.6, 0.0, 0.08]), TOOL_DOWN)
-    q = robot.inverse_kinematics(down, robot.posture("down"))
-    tool = robot.tool_pose(q)
-    quat = quat_multiply(tool.quat_wxyz, TOOL_DOWN)
-    out = matrix_from_quat(quat)[:, 2]
-    depth = -cell.heights[1]
-    plant.reset(q, Pose(tool.position + depth * out, quat))
+    plant, tool = place_inserted(cell)
     plant.push(np.array([aside, 0.0, -100.0]))
     forces, heights = [], []
     for _ in range(120):

@@ -1,6 +1,8 @@
 """Joints of parts, which every engine must step alike."""
 
+import importlib.util
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -37,6 +39,14 @@ def flap(mass=0.1, **facts):
     size = (0.03, 0.01, 0.002)
     shape = Primitive("flap", "box", size, np.array([0.04, 0.0, 0.0]), mass=mass)
     return Moving(Joint(**facts), (shape,))
+
+
+def nut(pitch=0.02, mass=0.1, **facts):
+    """Return a nut 20 mm wide on an upright screw, 10 mm below the fixture's frame."""
+    facts = {"name": "nut", "kind": "screw", "axis": UP, "range": (-4.0, 4.0)} | facts
+    size = (0.01, 0.01, 0.005)
+    shape = Primitive("nut", "box", size, np.array([0.0, 0.0, -0.005]), mass=mass)
+    return Moving(Joint(pitch=pitch, **facts), (shape,))
 
 
 def on_fixture(*pieces):
@@ -126,6 +136,52 @@ def test_a_spring_swings_as_implicit_euler_steps_it(make, x):
     np.testing.assert_allclose(found, expected, atol=0.01 * start)
 
 
+def test_a_nut_falls_by_its_lead_against_both_inertias(make):
+    pitch, t = 0.1, 0.1
+    lead, inertia = pitch / (2.0 * np.pi), 0.1 * (0.02**2 + 0.02**2) / 12.0
+    fallen = -0.5 * 0.1 * G * lead / (inertia + 0.1 * lead**2) * t**2
+    piece = nut(pitch, range=(-4.0, 4.0))
+    assert piece.inertia() == pytest.approx(inertia + 0.1 * lead**2)
+    found = rested(make, piece, t, physics_dt=2.5e-4, period=0.001)
+    assert -4.0 < fallen < -2.0
+    assert found == pytest.approx(fallen, rel=0.01)
+
+
+@pytest.mark.parametrize("pitch", [0.02, -0.02, 0.002])
+def test_a_nuts_spring_holds_its_weight_by_its_lead(make, pitch):
+    torque = 0.1 * G * pitch / (2.0 * np.pi)
+    stiffness = abs(torque)  # an angle of 1 rad
+    found = rested(make, nut(pitch, stiffness=stiffness, damping=0.2 * stiffness), 3.0)
+    assert found == pytest.approx(-np.sign(pitch), rel=0.01)
+
+
+@pytest.mark.parametrize("share", [0.97, 1.05])
+def test_a_nut_locks_itself_by_friction_above_its_weights_torque(make, share):
+    torque = 0.1 * G * 0.02 / (2.0 * np.pi)
+    found = rested(make, nut(friction=share * torque), 1.0)
+    assert (abs(found) < 0.01) == (share > 1.0)
+
+
+def test_a_nuts_stop_holds_its_weight(make):
+    assert rested(make, nut(range=(-1.0, 1.0))) == pytest.approx(-1.0, abs=2e-3)
+
+
+@pytest.mark.parametrize("force", [5.0, 10.0])
+def test_a_nut_pressed_by_the_tool_turns_by_force_times_lead(make, force):
+    pitch, stiffness = 0.05, 0.1
+    lead = pitch / (2.0 * np.pi)
+    piece = nut(pitch, stiffness=stiffness, damping=0.01)
+    plant = make(on_fixture(piece), contact_friction=1e-3)  # else it is held, too
+    plant.reset(start_above(plant.robot, z=0.101), HOLE)
+    before = plant.robot.tool_pose(plant.read()[0]).position[2]
+    press(plant, force)
+    found, felt = float(plant.part_positions()[0]), plant.contact_force()[2]
+    assert felt == pytest.approx(force, rel=0.05)
+    assert found == pytest.approx(-(felt + 0.1 * G) * lead / stiffness, rel=0.03)
+    sunk = plant.robot.tool_pose(plant.read()[0]).position[2] - before
+    assert sunk == pytest.approx(lead * found - 0.001, abs=1e-4)  # it goes with it
+
+
 def press(plant, force, steps=400):
     """Press the tool down where it is, its place held by a soft spring."""
     chain = plant.robot.chain()
@@ -153,6 +209,27 @@ def test_a_button_pressed_by_the_tool_rests_at_force_over_stiffness(make):
     assert plant.contact_force()[2] == pytest.approx(60.0, rel=0.02)
     plant.reset(Q_BENT, HOLE)
     assert plant.part_positions()[0] == 0.0
+
+
+def test_a_light_nut_that_its_friction_holds_does_not_run_under_the_tool(make):
+    plant = make(on_fixture(nut(0.0015, mass=0.012, friction=0.3)))
+    plant.reset(start_above(plant.robot, z=0.101), HOLE)
+    press(plant, 60.0, 200)
+    before = float(plant.part_positions()[0])
+    press(plant, 60.0, 200)
+    assert plant.contact_force()[2] == pytest.approx(60.0, rel=0.1)
+    assert plant.part_positions()[0] == pytest.approx(before, abs=0.05)
+
+
+def test_a_socket_wrench_turns_a_nut(engine):
+    path = Path(__file__).parents[2] / "examples" / "08_parts_that_move.py"
+    spec = importlib.util.spec_from_file_location("parts_that_move", path)
+    example = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(example)
+    way = example.WAYS[example.nut]
+    found, peak = example.push(example.nut(), example.wrench(), way, engine, 1.5)
+    assert found == pytest.approx(way[-1][-1] - way[0][-1], abs=0.07)  # less its play
+    assert 0.0 < peak < 60.0
 
 
 def foot(**facts):
@@ -185,6 +262,20 @@ def test_contact_of_a_held_piece_is_felt_through_spring_and_stop(make, force):
     assert plant.part_positions()[0] == pytest.approx(-pushed, rel=0.01)
 
 
+def swung(cell, make):
+    """Swing an arm in MuJoCo and in another engine; return where each ends."""
+    tau = np.array([8.0, -12.0, 4.0, 6.0, -2.0, 2.0, 1.0])
+    ends = []
+    for plant in (make_plant("mujoco", cell), make(cell)):
+        plant.configure(replace(plant.dynamics, physics_dt=2e-4))
+        plant.reset(Q_BENT, HOLE)
+        for i in range(150):
+            plant.apply(tau if i < 75 else -tau, 0.001)
+        ends.append(np.concatenate([plant.read()[0], plant.part_positions()]))
+        plant.close()
+    return ends
+
+
 def test_a_held_piece_and_the_arm_move_each_other_as_in_mujoco(make):
     """Both swing freely, and fast; the arm feels what it holds."""
     held = replace(
@@ -198,17 +289,22 @@ def test_a_held_piece_and_the_arm_move_each_other_as_in_mujoco(make):
         ),
     )
     cell = on_held(held, foot(stiffness=100.0, armature=0.02, range=(-0.5, 0.5)))
-    tau = np.array([8.0, -12.0, 4.0, 6.0, -2.0, 2.0, 1.0])
-    ends = []
-    for plant in (make_plant("mujoco", cell), make(cell)):
-        plant.configure(replace(plant.dynamics, physics_dt=2e-4))
-        plant.reset(Q_BENT, HOLE)
-        for i in range(150):
-            plant.apply(tau if i < 75 else -tau, 0.001)
-        ends.append(np.concatenate([plant.read()[0], plant.part_positions()]))
-        plant.close()
+    ends = swung(cell, make)
     assert np.abs(ends[0][:7] - Q_BENT).max() > 0.05
     assert np.abs(ends[0][7:]).max() > 0.3
+    np.testing.assert_allclose(ends[1], ends[0], atol=1e-2)
+
+
+def test_a_held_nut_and_the_arm_move_each_other_as_in_mujoco(engine, make):
+    axis = np.array([0.3, 1.0, 0.2])
+    piece = nut(0.05, mass=0.5, axis=axis, stiffness=0.3, start=1.0)
+    cell = on_held(piece)
+    if engine == "bullet":
+        with pytest.raises(ConfigError, match="nut"):
+            make(cell)
+        return
+    ends = swung(cell, make)
+    assert abs(ends[0][7] - 1.0) > 0.3
     np.testing.assert_allclose(ends[1], ends[0], atol=1e-2)
 
 
@@ -249,6 +345,10 @@ def test_a_spring_too_stiff_for_the_step_is_refused_with_the_largest(make):
         ({"armature": -0.1}, "armature"),
         ({"rest": np.inf}, "rest"),
         ({"kind": "ball"}, "kind"),
+        ({"kind": "screw"}, "pitch"),
+        ({"kind": "screw", "pitch": np.nan}, "pitch"),
+        ({"kind": "screw", "pitch": 0.2}, "pitch"),
+        ({"pitch": 0.001}, "pitch"),
         ({"detents": ((0.03, 1.0, 0.001),)}, "detent"),
         ({"detents": ((0.0, 1.0, 0.0),)}, "detent"),
         ({"detents": ((0.0, -1.0, 0.001),)}, "force of a detent"),
@@ -280,6 +380,14 @@ def test_a_hinge_turns_its_shapes_about_its_origin():
     assert piece.inertia() == pytest.approx(
         0.1 * (0.03**2 + (0.06**2 + 0.004**2) / 12.0)
     )
+
+
+def test_a_screw_moves_its_shapes_along_its_axis_as_it_turns():
+    (shape,) = nut(0.02).at(np.pi)
+    np.testing.assert_allclose(shape.position, [0.0, 0.0, 0.005], atol=1e-12)
+    np.testing.assert_allclose(np.abs(shape.quat_wxyz), [0, 0, 0, 1], atol=1e-12)
+    (shape,) = nut(-0.02).at(np.pi)
+    np.testing.assert_allclose(shape.position, [0.0, 0.0, -0.015], atol=1e-12)
 
 
 def test_the_largest_stiffness_grows_with_inertia_and_shorter_steps():

@@ -72,7 +72,6 @@ def urdf_files():
         "long_name": good.replace("axis3", "x" * 1_000_000).replace("0.02", "-1"),
         "xacro": urdf(extra='<xacro:include filename="$(find x)/y"/>'),
         "zero_axis": good.replace('axis xyz="0 0 1"', 'axis xyz="0 0 0"'),
-        "no_limits": urdf(kind="continuous"),
         "planar": urdf(kind="planar"),
         "floating": urdf(kind="floating"),
         "strange_kind": urdf(kind="telescope"),
@@ -185,6 +184,7 @@ def loaded_files():
         "sensor": mjcf(last='<sensor><user dim="2000000000"/></sensor>'),
         "bodies": mjcf(body="<body><joint/><geom size='0.01'/></body>" * 1_500),
         "wide": urdf(extra=chain(90)),
+        "no_limits": urdf(kind="continuous"),
     }
 
 
@@ -207,7 +207,7 @@ def main():
     texts = mjcf_files(folder) | mesh_files(folder)
     files |= {f"{n}.xml": text for n, text in texts.items()}
     files |= {
-        f"{n}.{'urdf' if n == 'wide' else 'xml'}": text
+        f"{n}.{'urdf' if text.startswith('<robot') else 'xml'}": text
         for n, text in loaded_files().items()
     }
     for name, text in files.items():

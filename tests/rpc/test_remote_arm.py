@@ -250,8 +250,9 @@ def test_nobody_listens_says_what_to_start(connect):
 
 def test_another_robot_is_refused_by_name_of_what_differs(server, connect):
     other = find_cell(peg="triangle").loaded_robot()
-    with pytest.raises(ConfigError, match="differ, for example"):
+    with pytest.raises(ConfigError, match="differ, for example") as refused:
         connect(server, robot=other)
+    assert refused.value.name == "robot"
 
 
 def test_another_scene_is_refused(server, connect):
@@ -273,7 +274,7 @@ def test_a_service_of_another_version_is_refused(server, connect, monkeypatch):
 
 def test_a_learner_of_another_version_is_refused(server, connect, monkeypatch):
     monkeypatch.setattr("dovetail.rpc.client.require_version", refuse_as_client)
-    with pytest.raises(ConfigError, match=r"service speaks protocol 5 .*speaks 7"):
+    with pytest.raises(ConfigError, match=r"service speaks protocol 6 .*speaks 7"):
         connect(server)
 
 

@@ -1,15 +1,20 @@
 """The corner search: it finds what nobody sees, and asks for what it needs."""
 
+import json
+
 import numpy as np
 import pytest
 
 from dovetail.envs import registered
 from dovetail.envs.unwrapped import require_contact_env
 from dovetail.errors import ConfigError
+from dovetail.evaluation.trials import plan_trials
 from dovetail.poses import matrix_from_quat
-from dovetail.search.corner import SEARCH_AXES, CornerSearch
+from dovetail.search.corner import SEARCH_AXES, CornerSearch, _far_corners
 from dovetail.search.corner_config import CornerSearchConfig
+from dovetail.tasks.peg_in_hole.task import PegInHole
 from dovetail.trackers.covered import Covered
+from extras import need
 
 
 def make(shift, **settings):
@@ -23,7 +28,7 @@ def make(shift, **settings):
         "max_steps": 300,
         "tracker": tracker,
     } | settings
-    env = registered.make("dovetail/PegInHole-v0", **options)
+    env = registered.make(options.pop("env", "dovetail/PegInHole-v0"), **options)
     return env, require_contact_env(env)
 
 
@@ -56,6 +61,34 @@ def test_it_finds_a_fixture_that_is_turned_too(peg, seed):
     made = make((0.0, 0.0), peg=peg, tracker=where, twin="medium", tare=True)
     info, _ = search(*made, seed)
     assert info["success"]
+
+
+@pytest.mark.parametrize(
+    ("attempt", "then"),
+    [(0, "slide"), (2, "rock")],
+    ids=["held 1.8 mm high", "held askew by more than the gap lets in"],
+)
+def test_it_plugs_in_a_connector_that_is_held_wrong(attempt, then):
+    env = registered.make(
+        "dovetail/Connector-v0",
+        arm="twin:medium",
+        tracker="late?bias=0.002&turn=0.02",
+        tare=True,
+        near_speed=0.05,
+        theta_range=0.3,
+        f_scale=6.0,
+        max_steps=300,
+    )
+    core = require_contact_env(env)
+    actor, job = CornerSearch(core), plan_trials(3, 4, 0)[4 + attempt]
+    place = core.task.trial_poses[job.pose].pose()
+    observation, info = env.reset(seed=job.seed, options={"fixture": place})
+    phases, ended, cut = [], False, False
+    while not (ended or cut):
+        observation, _, ended, cut, info = env.step(actor(observation))
+        phases.append(actor.phase)
+    assert info["success"]
+    assert then in phases
 
 
 def test_where_the_arm_may_not_be_quick_it_does_not_push_instead():
@@ -161,3 +194,175 @@ def test_what_is_pushed_off_the_fixture_goes_back_to_it():
         success = info["success"]
     assert is_pushed
     assert success
+
+
+PIN = {"units": "mm", "outline": "circle 5", "depth": 8, "gap": 0.25, "length": 50}
+PLUS = [[3, -1.2], [3, 1.2], [1.2, 1.2], [1.2, 3], [-1.2, 3], [-1.2, 1.2]]
+PLUS += [[-x, -y] for x, y in PLUS]
+
+
+def stepped(narrow, wide):
+    """A shaft with a narrow end and its bore."""
+    block = "square 50"
+    bores = [
+        {"outline": block, "cutouts": [f"circle {narrow + 0.6}"], "z": [-12, -5]},
+        {"outline": block, "cutouts": [f"circle {wide + 0.6}"], "z": [-5, 0]},
+    ]
+    shaft = [
+        {"outline": f"circle {narrow}", "z": [-12, -5]},
+        {"outline": f"circle {wide}", "z": [-5, 35]},
+    ]
+    both = {"held": {"shapes": shaft}, "fixture": {"shapes": bores}}
+    return {"units": "mm", "gap": 0.3, **both}
+
+
+def insertion(table):
+    """The environment of a part whose given pose is 2 mm and 20 mrad wrong."""
+    env = registered.make(
+        "dovetail/Insert-v0",
+        part=json.dumps(table),
+        task=SEARCH_AXES,
+        near_speed=0.05,
+        theta_range=0.3,
+        max_steps=400,
+        twin="medium",
+        tracker="late?bias=0.002&turn=0.02",
+    )
+    return env, require_contact_env(env)
+
+
+@pytest.mark.parametrize(
+    "table",
+    [PIN, PIN | {"outline": PLUS, "depth": 12, "gap": 0.4}, stepped(9, 18)],
+    ids=["pin", "plus", "stepped"],
+)
+def test_it_inserts_any_part_that_a_file_describes(table):
+    need("shapely")
+    env, core = insertion(table)
+    assert all(search(env, core, seed)[0]["success"] for seed in (1, 2))
+    env.close()
+
+
+LISTED = {
+    "held": {"shapes": [{"outline": "square 20", "z": [-20, 60]}]},
+    "fixture": {
+        "shapes": [{"outline": "square 70", "cutouts": ["square 20.8"], "z": [-20, 0]}]
+    },
+}
+
+
+@pytest.mark.parametrize("shift", [(0.009, 0.0), (-0.006, 0.0067)])
+def test_a_part_of_listed_shapes_is_found_as_far_away_as_any(shift):
+    need("shapely")
+    table = {"units": "mm", "gap": 0.4} | LISTED
+    made = make(shift, part=json.dumps(table), env="dovetail/Insert-v0")
+    assert search(*made)[0]["success"]
+    made[0].close()
+
+
+@pytest.mark.parametrize(("radius", "share"), [(20, 1.0), (12, 1.0), (6, 0.5)])
+def test_a_path_is_as_wide_as_the_opening_is_small(radius, share):
+    need("shapely")
+    rings = CornerSearchConfig().rings
+    table = PIN | {"outline": f"circle {2 * radius - 0.5}", "length": 60}
+    env, core = insertion(table | {"density": 1000})
+    actor = CornerSearch(core)
+    env.close()
+    middle = actor._path[0]
+    far = [np.hypot(*(point - middle)[:2]) for point in actor._path[1:]]
+    closest = rings[0] if share == 1.0 else 0.5 * share * rings[0]
+    assert min(far) == pytest.approx(closest, rel=0.01)
+    assert max(far) == pytest.approx(share * rings[-1], rel=0.01)
+    gaps = np.linalg.norm(np.diff(actor._path, axis=0), axis=1)
+    assert np.median(gaps) <= share * 0.004 + 1e-9
+
+
+def test_what_stops_at_a_step_inside_is_searched_for_there():
+    need("shapely")
+    env, core = insertion(stepped(9, 18))
+    info, phases = search(env, core, 1)
+    env.close()
+    assert info["success"]
+    assert "wind" in phases
+    assert not core.task.outline().is_straight
+    assert PegInHole().outline().is_straight
+
+
+def test_the_far_corners_of_a_notched_opening_are_all_tried_spread_around():
+    opening = np.array([*PLUS, PLUS[0]], dtype=float)
+    far = _far_corners(opening, float(np.hypot(3, 1.2)))
+    assert len({tuple(point) for point in far}) == len(far) == 8
+    angles = [np.arctan2(y, x) for x, y in far[:3]]
+    turns = np.abs(np.angle(np.exp(1j * np.diff(angles))))
+    assert (turns > np.radians(60)).all()
+
+
+def insert(part, seed, **settings):
+    """Search for a fixture [mm] whose believed pose is 2 mm and 20 mrad off."""
+    need("shapely")
+    options = {"task": SEARCH_AXES, "near_speed": 0.05, "theta_range": 0.3}
+    options |= {"max_steps": 300, "tracker": "late?bias=0.002&turn=0.02"}
+    options |= {"twin": "medium", "tare": True} | settings
+    text = json.dumps({"units": "mm", "gap": 0.4} | part)
+    env = registered.make("dovetail/Insert-v0", part=text, **options)
+    return search(env, require_contact_env(env), seed)
+
+
+PLATE = {"outline": "square 60", "z": [-23, -15]}
+
+
+@pytest.mark.parametrize("word", ["circle", "square"])
+@pytest.mark.parametrize("at", [[0, 0], [5, 0]], ids=["middle", "aside"])
+def test_a_cap_goes_over_a_post(word, at):
+    cap = {"outline": f"{word} 24", "cutouts": [f"{word} 12.8"], "z": [-15, 1]}
+    stem = {"outline": "circle 16", "z": [1, 50]}
+    post = {"outline": f"{word} 12", "z": [-15, 0], "at": at}
+    held = {"shapes": [cap | {"at": at}, stem]}
+    for seed in (1, 2):
+        info, phases = insert(
+            {"held": held, "fixture": {"shapes": [post, PLATE]}}, seed
+        )
+        assert info["success"]
+        assert "slide" not in phases
+
+
+def test_a_fork_that_no_corner_leads_is_put_down_upright():
+    prongs = [
+        {"outline": "rectangle 14 10", "at": [0, y], "z": [-14, 1]} for y in (-10, 10)
+    ]
+    stem = {"outline": "rectangle 14 30", "z": [1, 50]}
+    bar = {"outline": "rectangle 40 9", "z": [-14, 0]}
+    plate = PLATE | {"z": [-30, -22]}
+    part = {"held": {"shapes": [*prongs, stem]}, "fixture": {"shapes": [bar, plate]}}
+    info, phases = insert(part, 1, tracker="truth")
+    assert info["success"]
+    assert "slide" not in phases
+
+
+def test_a_pocket_over_the_mouth_ends_at_a_step_too():
+    _, core = make((0.0, 0.0))
+    actor = CornerSearch(core)
+    actor._has_steps = True
+    actor._surface, actor._end = 0.007, np.zeros(3)  # 7 mm below what it touched
+    assert actor._is_at_step()
+    actor._surface = 0.001
+    assert not actor._is_at_step()
+
+
+def test_what_is_under_a_plate_goes_out_before_it_goes_up():
+    env, core = make((0.0, 0.0))
+    env.reset(seed=3)
+    actor = CornerSearch(core)
+    actor._look()
+    actor._begin(actor._go_over)
+    actor._corner = actor._end = np.array([0.02, 0.0, -0.01])
+    for _ in range(13):
+        actor._track.append(actor._end)
+    actor._go_over()
+    assert actor.phase == "go out"
+    push, tilt = actor._go_out()
+    assert tilt == 0.0
+    assert push[0] > 0.0
+    actor._steps = 100
+    actor._go_out()
+    assert actor.phase == "go over"

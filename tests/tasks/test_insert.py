@@ -14,11 +14,13 @@ from dovetail.envs.registered import find_cell, make, make_task, task_of_file
 from dovetail.errors import ConfigError, PolicyError
 from dovetail.learn.config import TrainConfig
 from dovetail.learn.policy_env import policy_settings
+from dovetail.learn.spaces import describe_spaces, require_spaces
 from dovetail.poses import Pose, matrix_from_quat
 from dovetail.tasks.insert.task import HEXAGON, LENGTH_MAX, PAYLOAD_MAX, Insert
 from dovetail.tasks.peg_in_hole.task import PegInHole
+from extras import need
 
-pytest.importorskip("shapely")
+need("shapely")
 EXAMPLES = Path(__file__).parent.parent.parent / "examples"
 ENV = "dovetail/Insert-v0"
 KEYED = str(EXAMPLES / "keyed_plug.toml")
@@ -107,7 +109,7 @@ def test_a_part_that_cannot_be_held_or_inserted_is_refused(change, words):
         Insert(part=changed(**change))
 
 
-def pair(held, opening, z=-20):
+def pair(held, opening, z=-20, end=-20):
     fixture = [
         {"outline": "square 60", "cutouts": [opening], "z": [z, 0]},
         {"outline": "square 60", "z": [z - 5, z]},
@@ -116,7 +118,7 @@ def pair(held, opening, z=-20):
         {
             "units": "mm",
             "gap": 0.2,
-            "held": {"shapes": [{"outline": held, "z": [-20, 50]}]},
+            "held": {"shapes": [{"outline": held, "z": [end, end + 105]}]},
             "fixture": {"shapes": fixture},
         }
     )
@@ -128,7 +130,7 @@ def pair(held, opening, z=-20):
         (pair("hexagon 20", "hexagon 19"), "held_0_0' is 0.5.* mm inside .*fixture_0"),
         (pair("circle 20", "circle 19.9"), "mm inside the fixture's 'fixture_0"),
         (pair("hexagon 20", "hexagon 20.4", z=-19.9), "is 0.100 mm inside .*fixture_1"),
-        (pair("hexagon 20", "hexagon 20.4", z=-80), "85 mm below its mouth"),
+        (pair("hexagon 20", "hexagon 20.4", z=-111), "reaches 116 mm below"),
     ],
 )
 def test_parts_that_overlap_in_the_end_are_refused(text, words):
@@ -138,6 +140,65 @@ def test_parts_that_overlap_in_the_end_are_refused(text, words):
 
 def test_parts_that_touch_in_the_end_are_fine():
     assert Insert(part=pair("hexagon 20", "hexagon 20")).gap() == 0.0002
+
+
+@pytest.mark.parametrize(
+    "options", [{}, {"tilt": 0.2}, {"facing": "robot"}], ids=["up", "tilted", "wall"]
+)
+def test_depth_is_paid_in_the_mouth_and_not_beside_the_fixture(options, rng):
+    task = Insert(part=KEYED, **options)
+    depth, done = task.depths()
+
+    def paid(fixture, x, y, z):
+        goal = task.goal(fixture)
+        place = fixture.position + matrix_from_quat(fixture.quat_wxyz) @ [x, y, z]
+        error = task.counted(place - goal.position, goal)
+        return task.weigh(error, 0.0, False, 0.0)
+
+    for _ in range(20):
+        fixture = task.draw_fixture(rng)
+        angle = rng.uniform(0.0, 2.0 * np.pi)
+        aside = 0.03 * np.cos(angle), 0.03 * np.sin(angle)
+        lower = (0.0, 0.3 * depth, depth, 2.0 * depth)
+        levels = [paid(fixture, *aside, -z) for z in lower]
+        assert np.ptp(levels) < 1e-12
+        assert max(levels) < paid(fixture, 0.0, 0.0, 0.0)
+        assert paid(fixture, *aside, 0.01) < levels[0]  # over it, height counts
+        inside = [paid(fixture, 0.0005, 0.0, -z) for z in (0.0, 0.3 * depth, done)]
+        assert inside == sorted(inside)
+        assert inside[0] < inside[-1] - 0.5 * depth
+
+
+def test_nothing_is_left_out_of_other_tasks_rewards(rng):
+    task = PegInHole()
+    goal, error = task.goal(task.draw_fixture(rng)), np.array([0.05, 0.0, -0.01])
+    assert task.counted(error, goal) is error
+
+
+def test_a_policy_of_one_depth_is_taken_for_another_where_it_sees_the_same():
+    envs = [make(ENV, part=changed(depth=depth)) for depth in (20, 7)]
+    cores = [env.unwrapped for env in envs]
+    seen = []
+    for core in cores:
+        raw = np.zeros(len(core.scaling))
+        goal = core.task.goal(core.task.trial_poses[0].pose())
+        above = [0.001, -0.002, 0.003 + goal.depth()]  # the same place over the mouth
+        raw[core.scaling.places["position"]] = above
+        seen.append(core.scaling.scale(raw))
+    require_spaces(describe_spaces(envs[0]), envs[1])
+    np.testing.assert_allclose(seen[0], seen[1], atol=1e-6)
+    for env in envs:
+        env.close()
+
+
+@pytest.mark.parametrize("options", [{"tilt": 0.1}, {"facing": "robot"}])
+def test_a_policy_of_one_depth_is_refused_where_its_zero_is_not_the_mouth(options):
+    envs = [make(ENV, part=changed(depth=depth), **options) for depth in (20, 7)]
+    with pytest.raises(PolicyError, match="zero is"):
+        require_spaces(describe_spaces(envs[0]), envs[1])
+    require_spaces(describe_spaces(envs[0]), envs[0])
+    for env in envs:
+        env.close()
 
 
 def test_limits_of_the_gripper_are_those_of_its_data():
@@ -183,8 +244,14 @@ def test_part_on_a_command_line_chooses_the_task():
     assert parse(Train, ["--env", ENV, f"--part={KEYED}"]).env == ENV
 
 
+def test_parts_that_are_varied_choose_the_task_too():
+    assert find_task(["--vary", f"part={KEYED}"]) is Insert
+    assert find_task([f"--vary=tilt=0,0.1&part={KEYED}"]) is Insert
+    assert find_task(["--vary", "peg=square,round"]) is PegInHole
+
+
 def test_bullet_refuses_outlines():
-    pytest.importorskip("pybullet")
+    need("pybullet")
     from dovetail.plants.bullet_plant import BulletPlant
 
     with pytest.raises(ConfigError, match="1 mm margin"):
@@ -203,8 +270,9 @@ def test_a_file_in_the_docs_is_built(block, tmp_path):
 
 
 def test_the_page_draws_every_piece_of_both_parts():
-    mujoco = pytest.importorskip("mujoco")
-    pytest.importorskip("trimesh")
+    import mujoco
+
+    need("trimesh")
     from dovetail.cockpit.scene import triangles
     from dovetail.view.cell_model import cell_spec
 
@@ -241,7 +309,7 @@ def test_a_log_holds_the_part_and_a_strangers_log_reads_no_file():
 
 
 def test_a_pair_of_boxes_and_cylinders_stands_in_bullet():
-    pytest.importorskip("pybullet")
+    need("pybullet")
     from dovetail.plants.bullet_plant import BulletPlant
 
     table = json.loads(pair("circle 20", "circle 20.4"))
@@ -252,3 +320,33 @@ def test_a_pair_of_boxes_and_cylinders_stands_in_bullet():
     plant.reset(plant.robot.posture("down"), fixture)
     assert np.isfinite(plant.tool_pose().position).all()
     plant.close()
+
+
+@pytest.mark.parametrize("options", [{}, {"tilt": 0.1}], ids=["level", "tilted"])
+@pytest.mark.parametrize(
+    ("depth", "raised"), [(20, 0.0), (30, 0.0), (40, 0.010), (60, 0.030)]
+)
+def test_a_deep_socket_stands_higher_wherever_it_is_placed(depth, raised, options, rng):
+    text, usual = changed(depth=depth, length=100), Insert(**options)
+    env = make(ENV, part=text, period=0.005, **options)
+    core = env.unwrapped
+    task, walls = core.task, find_cell(ENV, part=text).walls
+    for pose, low in zip(task.trial_poses, usual.trial_poses, strict=True):
+        assert pose.z - low.z == pytest.approx(raised)
+        env.reset(seed=1, options={"fixture": pose.pose()})
+    assert task.randomisation.middle[2] - 0.10 == pytest.approx(raised)
+    assert task.trial_region.low[2] - 0.08 == pytest.approx(raised)
+    for seed in range(20):
+        env.reset(seed=seed)  # no fixture and no start is refused
+        assert core.fixture.position[2] - depth / 1e3 > walls[0][2] + 0.015
+    env.close()
+
+
+def test_a_socket_that_is_too_deep_for_the_walls_is_refused():
+    deep = Insert(part=changed(depth=60, floor=50, length=100))
+    assert deep.trial_poses[0].z == pytest.approx(0.085 + 0.110 + 0.005 - 0.08)
+    for floor, end, most in ((-111, -20, 0.115), (-75, -75, 0.070)):
+        text = pair("hexagon 20", "hexagon 20.4", z=floor, end=end)
+        with pytest.raises(ConfigError) as refused:
+            Insert(part=text)
+        assert refused.value.allowed[1] == pytest.approx(most)

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from rich.console import Console
 
+from dovetail.envs import registered
 from dovetail.envs.config import EnvConfig
 from dovetail.envs.registered import (
     UnknownSettingError,
@@ -25,6 +26,8 @@ from dovetail.learn.config import TrainConfig
 from dovetail.learn.policy import Policy
 from dovetail.learn.spaces import describe_spaces
 from dovetail.settings import values_of
+from dovetail.tasks.connector.geometry import SECTIONS
+from dovetail.tasks.connector.task import Connector
 from dovetail.tasks.peg_in_hole.task import PegInHole
 from dovetail.tasks.rail_clip.task import ClipStarts, RailClip
 from dovetail.workcell.parts import Part, Primitive
@@ -65,7 +68,7 @@ def test_no_task_imports_another(path):
     [
         "from dovetail.tasks.rail_clip.task import RailClip",
         "from dovetail.tasks import rail_clip",
-        "import dovetail.tasks.rail_clip.geometry as clip",
+        "import dovetail.tasks.rail_clip.din_rail as clip",
         "from ..rail_clip import task",
         "from .. import rail_clip",
     ],
@@ -83,13 +86,26 @@ def test_nothing_but_its_folder_names_the_clip():
 
 
 def test_the_rail_clip_draws_from_its_ranges():
-    still = ClipStarts(middle=(0.88, 0.01, 0.39), half_range=0.0, distance=(0.05, 0.05))
+    still = ClipStarts(
+        middle=(0.88, 0.01, 0.39), half_range=0.0, distance=(0.05, 0.05), aside=0.0
+    )
     env = make_env(RailClip, randomisation=still)
     for seed in range(3):
         _, info = env.reset(seed=seed)
         np.testing.assert_array_equal(env.fixture.position, [0.88, 0.01, 0.39])
         assert info["depth"] == pytest.approx(-0.05, abs=1e-4)
     assert env.task.has_fixed_fixture()
+    env.close()
+
+
+@pytest.mark.parametrize("make", [gym.make, registered.make])
+def test_an_environment_has_what_its_task_needs_beside_the_usual(make):
+    env = make("dovetail/RailClip-v0")
+    assert env.unwrapped.config.theta_range == RailClip.training["theta_range"]
+    env.close()
+    env = make("dovetail/RailClip-v0", theta_range=0.1)  # what is given goes before it
+    assert env.unwrapped.config.theta_range == 0.1
+    assert env.unwrapped.config.f_scale == RailClip.training["f_scale"]
     env.close()
 
 
@@ -183,3 +199,16 @@ def test_another_robot_is_one_function_away(tmp_path, monkeypatch):
     assert np.abs(env.state.q - usual.state.q).max() > 0.02
     for one in (env, usual):
         one.close()
+
+
+@pytest.mark.parametrize("kind", ["sfp", "sc"])
+def test_a_connectors_outline_is_its_port(kind):
+    task = Connector(connector=kind)
+    outline = task.outline()
+    np.testing.assert_array_equal(outline.opening[0], outline.opening[-1])
+    sides = np.ptp(outline.opening, axis=0)
+    np.testing.assert_allclose(sides, SECTIONS[kind].port)
+    plug = task.held().corners
+    assert (sides >= np.ptp(plug[:, :2], axis=0) + 2.0 * task.clearance - 1e-9).all()
+    assert outline.depth == task.depths()[0]
+    assert outline.bottom == pytest.approx(outline.depth)  # it is open below

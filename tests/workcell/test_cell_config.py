@@ -38,6 +38,11 @@ TODAY = CellConfig(
 """The region from which the peg task draws by itself."""
 
 
+def placed(task, cell):
+    """Return the trial poses of a task as they lie in a cell file's region."""
+    return task.trial_poses_in(cell.fit(find_cell()))
+
+
 def write(folder, text):
     file = folder / "cell.toml"
     file.write_text(text)
@@ -85,13 +90,13 @@ def test_todays_region_gives_todays_trial_poses_and_holes():
             fixture_high=region.high,
             fixture_yaw=region.yaw,
         )
-        for own, placed in zip(
-            task.trial_poses, task().trial_poses_in(cell), strict=True
-        ):
-            assert placed[1:5] == pytest.approx(own[1:5], abs=1e-12)
-            assert placed.facing == own.facing
+        for own, there in zip(task.trial_poses, placed(task(), cell), strict=True):
+            assert there[1:5] == pytest.approx(own[1:5], abs=1e-12)
+            assert there.facing == own.facing
     drawn = PegInHole().draw_fixture(np.random.default_rng(3))
-    again = PegInHole().draw_in(np.random.default_rng(3), Region.of(TODAY))
+    again = PegInHole().draw_in(
+        np.random.default_rng(3), Region.of(TODAY.fit(find_cell()))
+    )
     np.testing.assert_allclose(again.position, drawn.position, atol=1e-12)
     np.testing.assert_allclose(again.quat_wxyz, drawn.quat_wxyz, atol=1e-12)
 
@@ -100,7 +105,7 @@ def test_todays_region_gives_todays_trial_poses_and_holes():
 def test_trial_poses_and_draws_lie_in_the_region(task):
     region = Region((0.5, 0.1, 0.135), (0.6, 0.18, 0.15), (0.2, 0.8))
     cell = cell_of({k: v for k, v in ASIDE.items() if k.startswith("fixture")})
-    poses = task().trial_poses_in(cell)
+    poses = placed(task(), cell)
     assert len({pose[1:5] for pose in poses}) == 3
     low, high = (*region.low, region.yaw[0]), (*region.high, region.yaw[1])
     for pose in poses:
@@ -119,9 +124,9 @@ def test_trial_poses_and_draws_lie_in_the_region(task):
 def test_a_region_of_one_place_is_one_place():
     place = {"fixture_low": [0.55, 0.0, 0.1], "fixture_high": [0.55, 0.0, 0.1]}
     cell = cell_of({**place, "fixture_yaw": [0.4, 0.4]})
-    region = Region.of(cell)
+    region = Region.of(cell.fit(find_cell()))
     assert region.is_one_place
-    assert {p[1:5] for p in PegInHole().trial_poses_in(cell)} == {(0.55, 0.0, 0.1, 0.4)}
+    assert {p[1:5] for p in placed(PegInHole(), cell)} == {(0.55, 0.0, 0.1, 0.4)}
     np.testing.assert_allclose(find_cell(cell=cell).place.position, [0.55, 0.0, 0.1])
     assert len(region.corners((1.0, 0.0, 0.0, 0.0))) == 1
 

@@ -40,7 +40,7 @@ LISTED = {
     },
 }
 
-pytest.importorskip("shapely")
+need("shapely")
 
 
 def pair_of(table):

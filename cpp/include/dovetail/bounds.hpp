@@ -4,6 +4,7 @@
 #pragma once
 
 #include <cstdint>
+#include <limits>
 
 #include "dovetail/types.hpp"
 
@@ -30,6 +31,14 @@ struct BoundsParams {
   /// Against a push the bound only brakes (docs/control.md, Passive limits).
   bool passive = true;
   double brake_rate = 60.0;  ///< of that braking [1/s]: what the loop's delay allows
+  /// Of one coordinate. Most that its acceleration can change: what is asked for takes
+  /// a ramp to become braking [rad/s3]. Viability only.
+  double jerk = std::numeric_limits<double>::infinity();
+  /// Speed limit that falls towards the position limit, sqrt(o^2 + 2 D d) - o at the
+  /// distance d from it, with D = taper_brake [rad/s2] and o = taper_offset [rad/s].
+  /// Viability only.
+  double taper_brake = std::numeric_limits<double>::infinity();
+  double taper_offset = 0.0;
 };
 
 /// Accelerations lb <= a <= ub [rad/s2] or [m/s2]. Always lb <= ub, except

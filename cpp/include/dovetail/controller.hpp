@@ -42,6 +42,10 @@ class Controller {
   /// Takes a state for true whatever was before, and changes nothing else.
   void believe(const Vec7& q, const Vec7& dq) noexcept { check_.reset(q, dq); }
 
+  /// Takes a torque for the one that the arm last had: `dtau_max` counts from it. An
+  /// arm that lost a message has an older one than was returned here.
+  void had(const Vec7& tau) noexcept { sent_ = tau; }
+
   /// One cycle. The torque is the overlay u: the lowest level adds gravity, and
   /// |u + g(q)| <= tau_max always. Input that is none (see input.hpp), or a torque that
   /// would not be finite: a damped hold and `bad_input`.
@@ -168,6 +172,7 @@ class Controller {
   TorqueSlew slew_;
   Taken taken_;
   LastCycle last_;
+  Vec7 sent_ = Vec7::Zero();     // the last torque: `dtau_max` counts from it [Nm]
   Target last_target_;           // that the last line was shown
   bool was_plausible_ = true;    // the state, in the last cycle
   bool has_start_ = false;       // the last reset had a configuration

@@ -23,6 +23,10 @@ struct CycleModel {
   /// not allocate, does not throw.
   void update(const Chain& chain, const LimitParams& limits, double period,
               const Vec7& q, const Vec7& dq, const Vec7& r) noexcept;
+
+  /// Keeps `lo` and `hi` within `step` [Nm] of the last torque. Where gravity has moved
+  /// them away from it, the way back is as quick as that allows.
+  void keep_near(const Vec7& tau_last, const Vec7& step) noexcept;
 };
 
 }  // namespace dovetail

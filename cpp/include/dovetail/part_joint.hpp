@@ -1,4 +1,5 @@
-/// Spring, damper and detents of a hinge or slide of a part: `workcell/joints.py`.
+/// Spring, damper and detents of a hinge, slide or screw of a part:
+/// `workcell/joints.py`.
 #pragma once
 
 #include <algorithm>

@@ -25,6 +25,8 @@ constexpr int kNumJoints = 7;
 /// Value of a setting that has no default: a controller refuses to start with it.
 constexpr double kUnset = std::numeric_limits<double>::quiet_NaN();
 
+constexpr double kInfinite = std::numeric_limits<double>::infinity();
+
 /// How one task axis is driven (docs/control.md, Law).
 enum class AxisMode : std::uint8_t {
   kFree = 0,   ///< row dropped, left to the null space
@@ -92,7 +94,16 @@ struct LimitParams {
   Vec7 dq_max = Vec7::Constant(kUnset);   ///< joint speed limits [rad/s]
   Vec7 tau_max = Vec7::Constant(kUnset);  ///< motor torques, gravity included [Nm]
   Vec7 ddq_max =
-      Vec7::Constant(kUnset);           ///< A, what the motors can always give [rad/s2]
+      Vec7::Constant(kUnset);  ///< A, what the motors can always give [rad/s2]
+  /// Speed limit that falls towards a position limit, sqrt(o^2 + 2 D d) - o at the
+  /// distance d, with D = taper_brake [rad/s2], o = taper_offset [rad/s]; infinity:
+  /// none.
+  Vec7 taper_brake = Vec7::Constant(kInfinite);
+  Vec7 taper_offset = Vec7::Zero();
+  /// Most that the commanded torque changes [Nm/s], and what of that is left for each
+  /// joint's acceleration [rad/s3]: the limits brake in time for it.
+  Vec7 dtau_max = Vec7::Constant(kInfinite);
+  Vec7 jerk_max = Vec7::Constant(kInfinite);
   double eta = 0.6;                     ///< share of A planned for braking
   double kappa = 5.0;                   ///< bound interval over the period
   double delta_q = 0.002;               ///< joint position margin [rad]
@@ -110,6 +121,7 @@ struct LimitParams {
   Vec3 ddx_max = Vec3::Constant(5.0);  ///< TCP acceleration per axis [m/s2]
   double eta_wall = 0.5;               ///< share of ddx_max planned for braking
   double delta_x = 0.005;              ///< wall margin [m]
+  double jerk_wall = kInfinite;        ///< what `dtau_max` leaves the TCP [m/s3]
   double s0_wall = 1e-3;               ///< eigenvalue fade threshold of SCS [1/kg]
   double rho = 1e6;                    ///< weight of the wall slack in the QP
   double estimate_rate = 60.0;         ///< of the disturbance estimate [1/s], 0 is off

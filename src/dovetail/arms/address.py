@@ -6,15 +6,22 @@ A new transport is a file with a subclass of `ArmAddress`, and a line in `NETWOR
 from pathlib import Path
 
 from dovetail.arms.arm_address import ArmAddress
+from dovetail.arms.franka.arm import FrankaAddress
 from dovetail.arms.fri_arm import FriAddress
 from dovetail.arms.local_address import PlantAddress, TwinAddress
 from dovetail.arms.remote_arm import GrpcAddress
 from dovetail.errors import ConfigError, did_you_mean
 from dovetail.plants.plant import PLANTS
 
-NETWORK = {"fri": FriAddress, "grpc": GrpcAddress}
+NETWORK = {"fri": FriAddress, "franka": FrankaAddress, "grpc": GrpcAddress}
 """Addresses on a network by their scheme, what comes before ://."""
-SCHEMES = (*PLANTS, "twin:NAME", *(f"{name}://HOST:PORT" for name in NETWORK))
+SCHEMES = (
+    *PLANTS,
+    "twin:NAME",
+    "fri://HOST:PORT",
+    "franka://HOST",
+    "grpc://HOST:PORT",
+)
 """Accepted forms of an address."""
 
 

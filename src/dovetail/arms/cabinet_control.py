@@ -2,14 +2,18 @@
 
 import json
 import socket
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from dovetail.arms.arm_address import parse_endpoint
 from dovetail.errors import ArmError, ConfigError
 from dovetail.poses import Pose
 from dovetail.printable import printable
 from dovetail.reading import parse_json
+from dovetail.robots.robot_text import write_robot_text
 from dovetail.types import Vec3, Vec7
+
+if TYPE_CHECKING:
+    from dovetail.workcell.workcell import Workcell
 
 _LONGEST = 1 << 20
 
@@ -51,12 +55,25 @@ class CabinetControl:
             ) from error
         if not isinstance(answer, dict) or not answer.get("ok"):
             why = answer.get("error") if isinstance(answer, dict) else answer
-            text = f"the cabinet refuses to {do}: {printable(str(why))}"
+            why = printable(str(why)).removeprefix(f"{do}: ")
+            text = f"the cabinet refuses to {do}: {why}"
             raise ArmError(text, "refused")
         return answer
 
+    def agree(self, cell: "Workcell") -> None:
+        """Refuse a cabinet that stands in for another robot, or has another cell file.
+
+        Raises:
+            ArmError: It has; names both.
+        """
+        self.request("agree", **_said_of(cell))
+
     def place(
-        self, q: Vec7, fixture: Pose, seed: int | None = None, cell: str | None = None
+        self,
+        q: Vec7,
+        fixture: Pose,
+        seed: int | None = None,
+        cell: "Workcell | None" = None,
     ) -> dict[str, Any]:
         """Put arm and fixture; the running motion ends and another begins.
 
@@ -64,12 +81,11 @@ class CabinetControl:
             q: Configuration [rad].
             fixture: Where the fixture is put.
             seed: Of the noise; None lets it go on.
-            cell: What the cell file here says, in words, see `Workcell.own`; None is
-                not compared.
+            cell: Robot and cell file here, see `agree`; None is not compared.
         """
         more: dict[str, Any] = {} if seed is None else {"seed": int(seed)}
         if cell is not None:
-            more["cell"] = cell
+            more |= _said_of(cell)
         return self.request(
             "place", q=list(map(float, q)), fixture=_pose(fixture), **more
         )
@@ -126,6 +142,10 @@ class CabinetControl:
         if self._socket is not None:
             self._socket.close()
             self._socket = None
+
+
+def _said_of(cell: "Workcell") -> dict[str, str]:
+    return {"cell": cell.own, "robot": write_robot_text(cell.robot)}
 
 
 def _pose(pose: Pose) -> dict[str, list[float]]:

@@ -182,8 +182,8 @@ class FriAddress(ArmAddress):
             limits = settings.limits
             limits = replace(limits, dx_max=limits.dx_max / np.sqrt(3.0))
             settings = replace(settings, limits=limits)
-        robot, own = cell.loaded_robot(), cell.own
-        return FriArm(self, robot, settings, watchdog=watchdog, cell=own)
+        robot = cell.loaded_robot()
+        return FriArm(self, robot, settings, watchdog=watchdog, cell=cell)
 
     @property
     def is_real_time(self) -> bool:
@@ -256,7 +256,7 @@ class FriArm:
         processor: int | None = None,
         log_folder: str | Path | None = "fri-logs",
         silence: float | None = None,
-        cell: str | None = None,
+        cell: "Workcell | None" = None,
     ) -> None:
         """Listen for the cabinet; nothing moves before `reset`.
 
@@ -273,8 +273,8 @@ class FriArm:
             log_folder: Where the last 10 s of motions that end go; None for nowhere.
             silence: Without a datagram for so long the session is over [s]; by default
                 1 s, 5 s in lockstep.
-            cell: What the cell file says, in words, see `Workcell.own`: a simulated
-                cabinet with another one is refused. None is not compared.
+            cell: What stands around the arm: a simulated cabinet with another robot or
+                another cell file is refused. None is not compared.
 
         Raises:
             ArmError: The port is in use or not permitted.
@@ -451,8 +451,11 @@ class FriArm:
         """Wait until the cabinet commands torques.
 
         Raises:
-            ArmError: It does not within the timeout: why, likely causes first.
+            ArmError: It does not within the timeout: why, likely causes first. Or it is
+                a simulated one of another robot.
         """
+        if self._control is not None and self._cell is not None:
+            self._control.agree(self._cell)
         self._wait_for_motion(0)
 
     def lean(self, q: Vec7) -> None:

@@ -24,6 +24,7 @@ from dovetail.errors import (
 from dovetail.plants.plant import CYCLE_COLUMNS
 from dovetail.poses import Pose
 from dovetail.robots.robot import Robot
+from dovetail.robots.same_robot import difference
 from dovetail.types import Array, Vec7
 
 if TYPE_CHECKING:
@@ -315,18 +316,17 @@ def _connect(address: GrpcAddress, timeout: float) -> "Connection":
 
 def _agreed_robot(info: "pb.Info", robot: Robot | None) -> Robot:
     """Return the robot that both ends compute with."""
-    from dovetail.rpc.robot_message import differences, read_robot
+    from dovetail.rpc.robot_message import read_robot
 
     offered = read_robot(info.robot)
     if robot is None:
         return offered
-    if different := differences(robot, offered):
-        first = different[0]
-        there, here = offered.arrays()[first], robot.arrays()[first]
+    if different := difference(robot, offered):
         raise ConfigError(
             f"the service's robot {offered.name} is not this program's {robot.name}: "
-            f"{', '.join(different)} differ, for example {first} is "
-            f"{there.tolist()} there and {here.tolist()} here; give both the same tool"
+            f"{different}; start both with the same --robot, --cell and part",
+            name="robot",
+            value=offered.name,
         )
     return robot
 

@@ -5,7 +5,7 @@ below every limit like any other target.
 """
 
 from collections.abc import Callable, Iterator
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
@@ -22,6 +22,21 @@ from dovetail.types import Vec3, Vec7
 if TYPE_CHECKING:
     from dovetail import _core
     from dovetail.robots.robot import Robot
+
+
+class Observed(Protocol):
+    """State of an arm, as far as a way back needs it."""
+
+    @property
+    def q(self) -> Vec7:
+        """Measured configuration [rad]."""
+        ...
+
+    @property
+    def dq(self) -> Vec7:
+        """Measured joint velocity [rad/s]."""
+        ...
+
 
 TICK = 0.05
 """Time between two targets [s]."""
@@ -49,7 +64,7 @@ _SAMPLES = 33
 
 def drive_to(
     robot: "Robot",
-    observe: Callable[[], "_core.ServoState"],
+    observe: Callable[[], Observed],
     follow: Callable[["_core.Target"], None],
     q: Vec7,
     fixture: Pose,

@@ -9,6 +9,8 @@ from dovetail.cabinet.faults import FaultConfig, parse_faults
 from dovetail.cabinet.robot_controller import RobotController
 from dovetail.errors import ConfigError, DovetailError
 from dovetail.poses import Pose
+from dovetail.robots.robot_text import read_robot_text
+from dovetail.robots.same_robot import difference
 from dovetail.types import Array
 
 GRASP_MAX = 0.02
@@ -91,6 +93,7 @@ class RequestDesk:
             "stop": self._stop,
             "status": lambda request: status(),
             "truth": lambda request: controller.truth(),
+            "agree": self._agree,
         }
 
     def answer(self, request: Any) -> dict[str, Any]:
@@ -119,13 +122,24 @@ class RequestDesk:
         seed = request.get("seed")
         if seed is not None and not (type(seed) is int and 0 <= seed < 2**63):
             raise ConfigError(f"seed is {_short(seed)}; give a whole number >= 0")
-        self._require_cell(request)
+        self._agree(request)
         self._controller.place(numbers(request, "q", 7), pose(request, "fixture"), seed)
         return self._where()
 
-    def _require_cell(self, request: dict[str, Any]) -> None:
-        """Refuse a client whose cell file says something else than the cabinet's."""
-        own = self._controller.body.plant.cell.own
+    def _agree(self, request: dict[str, Any]) -> dict[str, Any]:
+        """Refuse a client whose robot or cell file says something else than ours."""
+        cell = self._controller.body.plant.cell
+        if isinstance(text := request.get("robot"), str):
+            robot = read_robot_text(text)
+            if different := difference(robot, cell.robot):
+                raise ConfigError(
+                    f"the client's robot is {robot.name}, the cabinet's "
+                    f"{cell.robot.name}: {different}; start both with the same "
+                    "--robot, --env and --cell",
+                    name="robot",
+                    value=robot.name,
+                )
+        own = cell.own
         theirs = request.get("cell", own)
         if theirs != own:
             ours = own or "no cell file"
@@ -135,6 +149,7 @@ class RequestDesk:
                 name="cell",
                 value=theirs,
             )
+        return {}
 
     def _fixture(self, request: dict[str, Any]) -> dict[str, Any]:
         fixture, velocity = pose(request, "fixture"), np.zeros(3)

@@ -21,9 +21,11 @@ from dovetail.learn.policy_env import (
     known_env_id,
     make_policy_env,
     require_contact_accepted,
+    require_own_robot,
 )
 from dovetail.plants.plant import PLANTS
 from dovetail.plants.twin import list_twins
+from dovetail.plugins import is_read, module_of
 from dovetail.robots.find import DEFAULT_ROBOT
 from dovetail.search.script import SCRIPT_SETTINGS, CornerScript
 from dovetail.tasks.shipped import DEFAULT_ENV
@@ -80,7 +82,9 @@ def build(
     else:
         policy = Policy.load(find_policy(choice.policy))
         trained = policy.metadata.get("env", {})
-        where = {"robot": _trained_robot(trained), **where}
+        robot = _trained_robot(trained)
+        require_own_robot(robot, choice.place, is_given="robot" in where)
+        where = {"robot": robot, **where}
         where["period"] = _period(choice, trained)
         env = make_policy_env(
             policy,
@@ -112,7 +116,7 @@ def _period(choice: Choice, trained: Mapping[str, Any]) -> float:
 def _trained_robot(trained: Mapping[str, Any]) -> str:
     """Return the robot of a policy's training; only the user may name a module's."""
     robot = str(trained.get("robot", DEFAULT_ROBOT))
-    return DEFAULT_ROBOT if ":" in robot else robot
+    return DEFAULT_ROBOT if module_of("robot", robot) or is_read(robot) else robot
 
 
 def describe(env: gymnasium.Env, choice: Choice) -> dict[str, Any]:

@@ -16,8 +16,14 @@ from dovetail.envs.log_facts import CELL
 from dovetail.envs.registered import task_of_file
 from dovetail.episode import Episode
 from dovetail.errors import ConfigError, LogError
+from dovetail.plugins import module_of, require_unread
 from dovetail.poses import Pose
-from dovetail.robots.find import DEFAULT_ROBOT, find_robot
+from dovetail.robots.find import (
+    DEFAULT_ROBOT,
+    find_robot,
+    robot_label,
+    whole_robot,
+)
 from dovetail.tasks.fixture_pose import FixturePose
 from dovetail.tasks.shipped import DEFAULT_ENV
 from dovetail.types import Array, Vec3, Vec7
@@ -85,7 +91,8 @@ class Recorded:
             raise LogError(f"the log {path}: its metadata {CELL!r} is no table")
         logged_robot = facts.get("robot", episode.metadata.get("robot"))
         env_id = _named("env", env, facts.get("env_id"), DEFAULT_ENV)
-        robot_name = _named("robot", robot, logged_robot, DEFAULT_ROBOT)
+        given = None if robot is None else whole_robot(robot)
+        robot_name = _named("robot", given, logged_robot, DEFAULT_ROBOT)
         settings = facts.get("task", {})
         task = task_of_file(env_id, settings if isinstance(settings, Mapping) else {})
         cell = task.workcell(find_robot(robot_name), _cell_of(path, facts))
@@ -210,16 +217,23 @@ def _named(what: str, given: str | None, logged: Any, usual: str) -> str:
     """
     if not isinstance(logged, str) or not logged:
         return given or usual
-    if given is None and ":" in logged:
+    require_unread("the log", what, logged)
+    if given is None and module_of(what, logged):
         raise ConfigError(
             f"the log's {what} is {logged[:80]!r}, of a module; add --{what} "
             f"{logged[:80]} if you trust it"
         )
-    if given is not None and given.rpartition(":")[2] != logged.rpartition(":")[2]:
+    if given is not None and _last_word(what, given) != _last_word(what, logged):
         raise ConfigError(
-            f"{what} is {given!r}, the log says {logged[:80]!r}; leave --{what} out"
+            f"{what} is {robot_label(given)[:80]!r}, the log says "
+            f"{robot_label(logged)[:80]!r}; leave --{what} out"
         )
     return given or logged
+
+
+def _last_word(what: str, name: str) -> str:
+    """Return what a name calls: ours and a module's function may be the same."""
+    return name.rpartition(":")[2] if module_of(what, name) else name
 
 
 def _rows(path: Path, metadata: Mapping[str, Any], key: str, width: int) -> Array:

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.cockpit.software_rendering import fewer_triangles
+from dovetail.plants.mjcf import model_positions
 from dovetail.poses import Pose, matrix_from_quat, quat_from_matrix
 from dovetail.types import Array, Mat33, Vec3, Vec7
 from dovetail.view.cell_model import LAST_DRAWN, cell_spec
@@ -67,7 +68,7 @@ class CellScene:
             i: scene.add_frame(f"{name}/body{i}", show_axes=False)
             for i in range(1, self._model.nbody)
         }
-        self._starts = cell.joint_starts
+        self._joints, self._starts = cell.joints, cell.joint_starts
         self._fixture = self._model.body("fixture").id
         self.believed: viser.FrameHandle | None = None
         """Frame of the fixture's believed pose."""
@@ -184,9 +185,9 @@ class CellScene:
                 not-a-number is where they start.
         """
         data = self._data
-        data.qpos[:7], data.qpos[7:] = q, self._starts
-        if parts is not None and len(parts) and np.isfinite(parts).all():
-            data.qpos[7:] = parts
+        if parts is None or not len(parts) or not np.isfinite(parts).all():
+            parts = self._starts
+        data.qpos[:] = model_positions(q, self._joints, parts)
         data.mocap_pos[0], data.mocap_quat[0] = fixture
         self._mujoco.mj_kinematics(self._model, data)
         for i, frame in self._bodies.items():

@@ -465,7 +465,7 @@ class Session:
             with contextlib.suppress(ConfigError):
                 require_inside(core.task, core.cell, core.arm, left)
                 return left
-        first = core.task.trial_poses_in(core.config.cell)[0]
+        first = core.task.trial_poses_in(core.cell)[0]
         if self._given is not None:
             return FixturePose.given(self._given, first.facing).pose()
         return first.pose()

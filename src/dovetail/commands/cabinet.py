@@ -35,7 +35,6 @@ from dovetail.plants.plant import DrivenPlant
 from dovetail.plants.twin import load_twin, make_twin
 from dovetail.poses import TOOL_DOWN, Pose
 from dovetail.printable import printable
-from dovetail.robots.find import find_robot
 from dovetail.settings import settings
 
 _ABOVE = 0.06
@@ -65,8 +64,9 @@ class Cabinet(
             console.print(request_realtime(), soft_wrap=True, highlight=False)
         plant = self._build_plant()
         twin = None if self.plant else load_twin(self.twin or "medium")
-        if twin is not None and (lack := twin.lacks(find_robot(self.robot))):
-            console.print(f"cabinet: note: {lack}", soft_wrap=True, highlight=False)
+        lack = "" if twin is None else twin.lacks(plant.cell.robot)
+        for text in filter(None, (lack, *plant.cell.notes)):
+            console.print(f"cabinet: note: {text}", soft_wrap=True, highlight=False)
         for text in find_unproven(config, faults, twin):
             console.print(f"cabinet: warning: {text}", soft_wrap=True, highlight=False)
         with ended_by_signal() as end:

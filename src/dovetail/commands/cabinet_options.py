@@ -21,7 +21,8 @@ class CellOptions:
     plant: str | None = None
     """Plain plant in place of a twin: mujoco, bullet or drake."""
     robot: str = DEFAULT_ROBOT
-    """Robot in the cell: one of dovetail's, or MODULE:FUNCTION of your own."""
+    """Robot: a name, .urdf or .xml file, menagerie:NAME or MODULE:FUNCTION.
+    Its client needs the same."""
     env: str = DEFAULT_ENV
     """Task whose parts stand in the cell: a Gymnasium id, or MODULE:ID of your own."""
     task_options: dict[str, Any] = field(default_factory=dict)

@@ -11,11 +11,14 @@ from rich.progress import track
 
 from dovetail.commands.camera_result import decide, now
 from dovetail.commands.hand_eye import CameraHandEye
+from dovetail.commands.unproven import note_cell
 from dovetail.doctor.camera import standing
+from dovetail.envs.pre_grasp_view import LOOKOUT
 from dovetail.envs.registered import find_cell
 from dovetail.errors import ConfigError, TrackerError
 from dovetail.files import require_new, write_atomic
 from dovetail.plants.twin import load_twin
+from dovetail.poses import TOOL_DOWN, Pose
 from dovetail.robots.find import DEFAULT_ROBOT
 from dovetail.settings import in_count
 from dovetail.workcell.cell_config import CellFile
@@ -136,7 +139,8 @@ class CameraWatch:
     """Twin whose file says what a simulated camera has wrong. Default the one with
     which it was calibrated: another, that has it elsewhere, is refused."""
     robot: str = DEFAULT_ROBOT
-    """Robot model of the arm; a camera on its flange looks from its usual posture."""
+    """Robot: a name, .urdf or .xml file, menagerie:NAME or MODULE:FUNCTION.
+    A camera on its flange looks from above the fixture."""
     cell: CellFile = None
     """Cell file: table, tool, walls, and where a simulated fixture stands."""
 
@@ -154,13 +158,17 @@ class CameraWatch:
         in_count("count", self.count, 0, _PICTURES_MAX, "pictures")
         camera = load_camera(self.camera)
         cell = find_cell(robot=self.robot, cell=self.cell)
+        note_cell(console, cell, None)
         if self.twin is not None and not camera.is_simulated:
             raise ConfigError(f"twin is given, and the pictures are of {camera.source}")
         twin = None if self.twin is None else load_twin(self.twin).camera
         detector = Detector(camera.board, camera.lens, camera.edge_noise)
         source, seen_once, number = open_source(camera, cell, twin), False, 0
         is_placed = self._is_placed(camera, twin, console)
-        q = cell.robot.posture("down")
+        above = cell.place.position + np.array([0.0, 0.0, LOOKOUT])
+        above[2] = min(above[2], cell.walls[1][2])
+        robot, usual = cell.loaded_robot(), cell.robot.posture("down")
+        q = robot.inverse_kinematics(Pose(above, TOOL_DOWN), usual)
         try:
             while number < self.count or not self.count:
                 number += 1

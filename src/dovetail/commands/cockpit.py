@@ -11,7 +11,7 @@ from dovetail.cockpit.choice import Choice
 from dovetail.cockpit.server import PORT, PageServer, open_server
 from dovetail.commands.demo import DEFAULT_TWIN
 from dovetail.commands.ended_by_signal import ended_by_signal
-from dovetail.commands.unproven import warn_of_arm
+from dovetail.commands.unproven import note_cell, warn_of_arm
 from dovetail.control.limits import DeclaredErrors
 from dovetail.errors import ConfigError
 from dovetail.files import dated_folder, require_writable
@@ -53,7 +53,8 @@ class ShownCellOptions:
     """Robot, tracker, control period and fixture."""
 
     robot: str | None = None
-    """Robot in the cell; default the policy's."""
+    """Robot: a name, .urdf or .xml file, menagerie:NAME or MODULE:FUNCTION.
+    Default the policy's."""
     tracker: str | None = None
     """Tracker of the fixture: truth, delayed or noisy; MODULE:CLASS is one of your
     own."""
@@ -102,9 +103,10 @@ class Cockpit(
 
         require_writable(logs, "--logs")
         choice = self.choice()
-        warn_of_arm(console, None, choice.place, self.robot, self)
+        warn_of_arm(console, None, choice.place, declared=self)
         session = Session(choice, logs=logs, fixture=self.fixture)
         try:
+            note_cell(console, session.core.cell, None, choice.place)
             server = open_server(self.port)
             try:
                 keep_running = self.keep_running

@@ -57,6 +57,10 @@ def _implied_env(words: list[str]) -> str | None:
     given = {word.partition("=")[0] for word in words}
     if "--env" in given:
         return None
+    parser = argparse.ArgumentParser(add_help=False, allow_abbrev=False)
+    parser.add_argument("--vary", nargs="?", default="")
+    varied = parser.parse_known_args(words)[0].vary or ""
+    given |= {f"--{text.partition('=')[0]}" for text in varied.split("&")}
     found = (env for name, env in IMPLIED_ENVS.items() if f"--{name}" in given)
     return next(found, None)
 

@@ -44,8 +44,8 @@ class DemoPlaceOptions:
     """Tracker of the fixture: twin is the camera of the twin's file, late and beside
     the truth; or truth, or another (dovetail evaluate --help)."""
     robot: str | None = None
-    """Robot that the twin is: one of dovetail's, or MODULE:FUNCTION of your own;
-    default the policy's."""
+    """Robot: a name, .urdf or .xml file, menagerie:NAME or MODULE:FUNCTION.
+    Default the policy's."""
     period: Period | None = None
     """Control period: 1ms, 2ms, 2.5ms or 5ms; default that of the policy's training."""
     cell: CellFile = None

@@ -6,10 +6,11 @@ from dataclasses import dataclass, fields
 from rich.console import Console
 
 from dovetail.arms.address import parse_address
+from dovetail.arms.franka.arm import FrankaAddress
 from dovetail.arms.fri_arm import FriAddress
 from dovetail.arms.local_address import LocalAddress
 from dovetail.commands.asking import ask
-from dovetail.commands.unproven import warn_of_arm
+from dovetail.commands.unproven import cell_of, warn_of_arm
 from dovetail.control.limits import DeclaredErrors
 from dovetail.control.period import DEFAULT_PERIOD, require_period
 from dovetail.control.proven import DECLARED
@@ -24,7 +25,7 @@ from dovetail.workcell.cell_config import CellFile
 
 _HERE = "it belongs to the checks of an arm: give --arm ADDRESS with it"
 _CAMERA = "it belongs to the checks of an arm, without --tracker"
-_FRI = "an arm behind fri:// has its own: fri://HOST:PORT?period=1ms"
+_OWN = "the arm's address has its own: fri://HOST:PORT?period=1ms, franka:// 1 ms"
 _COLOURS = {"ok": "green", "missing": "yellow", "broken": "red"}
 
 
@@ -33,15 +34,15 @@ class Doctor:
     """Check this installation, or with --arm a robot at its first power-on."""
 
     arm: str | None = None
-    """Arm to check in place of the installation: fri://HOST:PORT?KEY=VALUE&..., or a
-    simulated one, as mujoco or twin:medium."""
+    """Arm to check in place of the installation: fri://HOST:PORT?KEY=VALUE&...,
+    franka://HOST, or a simulated one, as mujoco or twin:medium."""
     tracker: str | None = None
     """Camera file to check: pictures, exposure, rate, and its delay by moving the arm a
     little; a simulated camera needs no --arm."""
     yes: bool = False
     """Ask nothing before the arm is moved; only a simulated cabinet is pushed."""
     robot: str = DEFAULT_ROBOT
-    """Robot model of the arm: one of dovetail's, or MODULE:FUNCTION of your own."""
+    """Robot: a name, .urdf or .xml file, menagerie:NAME or MODULE:FUNCTION."""
     cell: CellFile = None
     """Cell file of the arm: table, tool and walls."""
     delay: Delay = DECLARED["delay"]
@@ -59,7 +60,7 @@ class Doctor:
             ConfigError: An option that these checks do not use, or a wrong one.
         """
         self._require_used()
-        warn_of_arm(console, None, self.arm, self.robot)
+        warn_of_arm(console, None, self.arm, cell_of(self))
         if self.tracker is not None:
             checks = self._check_camera(self.tracker)
         else:
@@ -88,27 +89,31 @@ class Doctor:
         elif self.arm is None:
             names = ("robot", "cell", "delay", "payload_error", "period")
             unused = dict.fromkeys(names, _HERE)
-        if self.arm is not None and isinstance(parse_address(self.arm), FriAddress):
-            unused["period"] = _FRI
+        address = None if self.arm is None else parse_address(self.arm)
+        if isinstance(address, FriAddress | FrankaAddress):
+            unused["period"] = _OWN
         usual = {field.name: field.default for field in fields(self)}
         for name, why in unused.items():
             if vars(self)[name] != usual[name]:
                 raise ConfigError(f"--{name.replace('_', '-')} would be ignored: {why}")
 
     def _check_arm(self, text: str) -> Iterator[Check]:
+        from dovetail.doctor.franka_arm import run_franka_checks
         from dovetail.doctor.fri_arm import run_fri_checks
         from dovetail.doctor.simulated_arm import run_simulated_checks
 
         address = parse_address(text)
         declared = self._declared()
+        asks = None if self.yes else ask
         if isinstance(address, FriAddress):
-            asks = None if self.yes else ask
             return run_fri_checks(address, asks, declared, self.robot, self.cell)
+        if isinstance(address, FrankaAddress):
+            return run_franka_checks(address, asks, declared, self.robot, self.cell)
         period = require_period(self.period, "--period")
         if not isinstance(address, LocalAddress):
             raise ConfigError(
-                f"the doctor checks arms behind FRI and simulated ones, not {text!r}; "
-                "run it where the arm is served, with fri://HOST:PORT?KEY=VALUE&..."
+                "the doctor checks arms behind FRI and FCI, and simulated ones, not "
+                f"{text!r}; run it where the arm is served, with fri://HOST:PORT?KEY=VALUE&..."
             )
         plant = address.make_plant(find_cell(robot=self.robot, cell=self.cell))
         return run_simulated_checks(plant, period, declared)

@@ -6,8 +6,9 @@ import tyro
 from rich.console import Console
 
 from dovetail.commands.unproven import warn_of_arm
+from dovetail.evaluation.each import evaluate_each
 from dovetail.evaluation.evaluate import Evaluation, EvaluationConfig, evaluate
-from dovetail.settings import settings
+from dovetail.settings import names_in, settings
 
 
 @settings()
@@ -18,10 +19,21 @@ class Evaluate(EvaluationConfig):
     """Policy: a file (.safetensors or .json), a training's folder, or the name of a
     shipped one; `dovetail export` makes one of a model.zip."""
 
+    vary: str | None = None
+    """Option of the task and values to try one after the other, NAME=A,B.
+    Of parts, part=FOLDER is every part in a folder. There is a row for each."""
+
     def run(self, console: Console) -> int:
         """Evaluate and say where everything is."""
         warn_of_arm(console, self.twin, self.arm, declared=self)
-        print_files(evaluate(self, console), console)
+        names = names_in(EvaluationConfig)
+        config = EvaluationConfig(**{name: vars(self)[name] for name in names})
+        if self.vary is None:
+            print_files(evaluate(config, console), console)
+        else:
+            each = evaluate_each(config, self.vary, console)
+            console.print(f"written to {each.folder}", soft_wrap=True)
+            return 1 if each.refused else 0
         return 0
 
 

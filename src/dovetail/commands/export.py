@@ -7,7 +7,9 @@ from typing import Annotated
 import tyro
 from rich.console import Console
 
+from dovetail.commands.unproven import note_cell
 from dovetail.envs.registered import make
+from dovetail.envs.unwrapped import require_contact_env
 from dovetail.errors import ConfigError
 from dovetail.learn.foreign import import_file
 from dovetail.learn.policy import policy_files
@@ -48,6 +50,7 @@ class Export(PolicyEnvConfig):
         find_task(self.env, type(self))
         env = make(self.env, **self.env_options())
         try:
+            note_cell(console, require_contact_env(env).cell, None)
             policy = import_file(model, env, self, is_trusted=self.trust)
             weights = policy.save(out)
             note = policy.metadata["provenance"].get("note", "")

@@ -14,15 +14,17 @@ from dovetail.arms.address import parse_address
 from dovetail.arms.arm_address import ArmAddress
 from dovetail.commands.asking import ask
 from dovetail.commands.camera_result import decide, now
+from dovetail.commands.unproven import note_cell
 from dovetail.control.task_spec import TaskSpec
 from dovetail.envs.arm_setup import build_arm
 from dovetail.envs.registered import find_cell
 from dovetail.errors import ConfigError
 from dovetail.files import claim_output_folder, require_new
 from dovetail.plants.twin import load_twin
-from dovetail.robots.find import DEFAULT_ROBOT, find_robot
+from dovetail.robots.find import DEFAULT_ROBOT
 from dovetail.settings import in_count, settings
 from dovetail.workcell.cell_config import CellFile
+from dovetail.workcell.workcell import Workcell
 
 if TYPE_CHECKING:
     from dovetail.perceive.camera import Camera
@@ -67,7 +69,7 @@ class MovedArmOptions:
     yes: bool = False
     """Ask nothing before a real arm is moved."""
     robot: str = DEFAULT_ROBOT
-    """Robot model of the arm: one of dovetail's, or MODULE:FUNCTION of your own."""
+    """Robot: a name, .urdf or .xml file, menagerie:NAME or MODULE:FUNCTION."""
     cell: CellFile = None
     """Cell file: table, tool, walls, and where the fixture stands."""
 
@@ -111,6 +113,7 @@ class CameraHandEye(PictureOptions, MovedArmOptions, KnownCameraOptions):
             )
         address = None if self.arm is None else parse_address(self.arm)
         twin = self.twin or (address and address.twin) or camera.twin or None
+        note_cell(console, self._cell(), None)
         detector = Detector(camera.board, camera.lens, camera.edge_noise)
         views = self._views(
             detector, self._shots(camera, address, twin, console), console
@@ -124,6 +127,10 @@ class CameraHandEye(PictureOptions, MovedArmOptions, KnownCameraOptions):
         # What is no-go may be no camera at all: its doubts are out of any range.
         placed = camera if objections else _placed(camera, found)
         return decide(console, objections, file, placed)
+
+    def _cell(self) -> Workcell:
+        """Return the robot in its cell: its flange may be turned there."""
+        return find_cell(robot=self.robot, cell=self.cell)
 
     def _shots(
         self,
@@ -141,7 +148,7 @@ class CameraHandEye(PictureOptions, MovedArmOptions, KnownCameraOptions):
                     "folder has pictures that were taken: --keep and --arm are for "
                     "taking them; leave them out"
                 )
-            robot = find_robot(self.robot)
+            robot = self._cell().robot
             return read_shots(
                 self.folder,
                 robot,
@@ -196,7 +203,7 @@ class CameraHandEye(PictureOptions, MovedArmOptions, KnownCameraOptions):
         from dovetail.perceive.detect import DetectionFailure, explain
         from dovetail.perceive.hand_eye import HandEyeSample
 
-        robot, views = find_robot(self.robot), []
+        robot, views = self._cell().robot, []
         for number, shot in enumerate(shots, 1):
             seen = detector.find(shot.picture)
             if isinstance(seen, DetectionFailure):

@@ -8,7 +8,7 @@ import tyro
 from rich.console import Console
 from rich.table import Table
 
-from dovetail.commands.unproven import warn_of_arm
+from dovetail.commands.unproven import cell_of, warn_of_arm
 from dovetail.identify.fit import FitConfig, FitResult, fit
 from dovetail.identify.fit_folder import MODEL
 from dovetail.identify.recorder import RecordConfig, record
@@ -18,11 +18,11 @@ from dovetail.settings import settings
 
 @settings()
 class IdentifyRecord(RecordConfig):
-    """Play scripted motions on an arm, in free air, and log them."""
+    """Play scripted motions on an arm, in free air or in contact, and log them."""
 
     def run(self, console: Console) -> int:
         """Record, and say what to do with it."""
-        warn_of_arm(console, None, self.arm, self.robot, self)
+        warn_of_arm(console, None, self.arm, cell_of(self), self)
         recording = record(self, console)
         cycles = sum(len(s.log) for s in recording.sequences)
         console.print(
@@ -46,6 +46,10 @@ class IdentifyFit(FitConfig):
         """Fit, and say what came out and where it is."""
         result = fit(self, console)
         console.print(_table(result))
+        for estimate in result.contact:
+            console.print(
+                f"contact: {estimate.sentence()}", soft_wrap=True, highlight=False
+            )
         console.print(
             f"TCP's RMS error on the log: {1e3 * result.rms_before:.2f} mm before, "
             f"{1e3 * result.rms_after:.2f} mm after ({result.evaluations} simulated "

@@ -25,7 +25,8 @@ class Replay:
     env: str | None = None
     """Environment of the logs, where they do not say it; MODULE:ID of your own."""
     robot: str | None = None
-    """Robot of the logs, where they do not say it; MODULE:FUNCTION of your own."""
+    """Robot: a name, .urdf or .xml file, menagerie:NAME or MODULE:FUNCTION.
+    Where the logs do not say it."""
     port: int = PORT
     """Port of the page, on this machine alone; 0 is any free one."""
 

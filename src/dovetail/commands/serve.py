@@ -13,7 +13,7 @@ from dovetail.arms.address import parse_address
 from dovetail.arms.arm_address import ArmAddress
 from dovetail.arms.local_address import LocalAddress
 from dovetail.commands.ended_by_signal import End, ended_by_signal
-from dovetail.commands.unproven import warn_of_arm
+from dovetail.commands.unproven import cell_of, warn_of_arm
 from dovetail.control.limits import DeclaredErrors
 from dovetail.durations import format_ms
 from dovetail.envs.registered import find_cell
@@ -53,7 +53,8 @@ class OfferedCellOptions:
     env: str = DEFAULT_ENV
     """Task whose parts stand in the cell: a Gymnasium id, or MODULE:ID of your own."""
     robot: str = DEFAULT_ROBOT
-    """Robot in the cell: one of dovetail's, or MODULE:FUNCTION of your own."""
+    """Robot: a name, .urdf or .xml file, menagerie:NAME or MODULE:FUNCTION.
+    A learner needs the same."""
     task_options: dict[str, Any] = field(default_factory=dict)
     """Fields of the task; left out, they are its own."""
     cell: CellFile = None
@@ -116,7 +117,7 @@ class Serve(OfferedArmOptions, KnownErrors, OfferedCellOptions, ServiceOptions):
 
         address = _address(self)
         arm = _offered(self, address, self)
-        warn_of_arm(console, self.twin, self.arm, self.robot, self)
+        warn_of_arm(console, self.twin, self.arm, cell_of(self), self)
         _allow_many_connections()
         server = ArmServer(arm, self.listen, files, notify)
         with ended_by_signal() as end, server:

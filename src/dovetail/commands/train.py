@@ -7,7 +7,7 @@ from typing import Any
 
 from rich.console import Console
 
-from dovetail.commands.unproven import warn_of_arm
+from dovetail.commands.unproven import cell_of, warn_of_arm
 from dovetail.control.limits import DeclaredErrors
 from dovetail.envs.registered import task_class
 from dovetail.errors import ConfigError
@@ -34,7 +34,7 @@ class Train(TrainConfig):
 
     def run(self, console: Console) -> int:
         """Train and say what came out and where it is."""
-        warn_of_arm(console, self.model, self.arm, self.robot, self)
+        warn_of_arm(console, self.model, self.arm, cell_of(self), self)
         for result in train(self, console):
             console.print(_describe(result, self), soft_wrap=True, highlight=False)
         return 0
@@ -49,6 +49,8 @@ COMMON = (
 """Settings that `--help` lists."""
 _OF_ARM = ("arm", "approach", "fixture", *names_in(DeclaredErrors))
 """Options of a training on an arm that its evaluation needs, too."""
+_TAUGHT = ("teacher", "teacher_noise", "teacher_share")
+"""Settings of a recipe that a policy to start from takes the place of."""
 
 
 def given_before(words: list[str]) -> dict[str, Any]:
@@ -56,14 +58,14 @@ def given_before(words: list[str]) -> dict[str, Any]:
 
     They are those of the run that it resumes: what else it says is then compared with
     them. Or what the task needs beside the usual settings, then its recipe and its
-    file.
+    file. A recipe's teacher is left out where the run starts from a policy.
 
     Raises:
         ConfigError: See `read_settings`; or a recipe or a file beside a run.
     """
     parser = argparse.ArgumentParser(add_help=False, allow_abbrev=False)
     parser.add_argument("--resume", action="store_true")
-    for name in ("--out", "--arm", "--recipe", "--config", "--env"):
+    for name in ("--out", "--arm", "--recipe", "--config", "--env", "--from-policy"):
         parser.add_argument(name, nargs="?")
     found, _ = parser.parse_known_args(words)
     if found.resume and (found.recipe or found.config):
@@ -78,6 +80,8 @@ def given_before(words: list[str]) -> dict[str, Any]:
     given: dict[str, Any] = {}
     if found.recipe is not None:
         given |= read_settings(find_recipe(found.recipe), found.arm)
+        if found.from_policy is not None:  # what it knows needs no teacher
+            given = {name: given[name] for name in given if name not in _TAUGHT}
     if found.config is not None:
         given |= read_settings(Path(found.config), found.arm)
     task = task_class(found.env or given.get("env", DEFAULT_ENV))
@@ -86,6 +90,7 @@ def given_before(words: list[str]) -> dict[str, Any]:
 
 def _describe(result: TrainResult, config: TrainConfig) -> str:
     lines = [f"{result.policy}: {result.steps} steps in {result.wall_time:.0f} s"]
+    lines += [f"  ended by {result.end}"] if result.end else []
     if result.evaluation is not None:
         successes, episodes = (result.evaluation[k] for k in ("successes", "episodes"))
         low, high = result.evaluation["wilson_95"]

@@ -18,6 +18,7 @@ REFERENCE = np.array([15.0, 15.0, 15.0, 15.0, 20.0, 20.0, 20.0])
 
 _SAMPLES = 1000
 _RESERVE = 0.9  # the sampled worst case is not the worst case
+_WORK = 0.4  # rad about the posture in which the tool works
 _SHARE_MIN = 0.2  # below this, braking distances grow past use
 _SWEEPS = 3  # over the joints, in search of the configuration where gravity is largest
 
@@ -70,6 +71,69 @@ def available_acceleration(
         needed = _SHARE_MIN / _RESERVE * float(moved[row, joint])
         raise _too_little(robot, at, row, joint, torque, viscous, needed)
     return share * REFERENCE
+
+
+def available_jerk(
+    robot: "Robot", armature: Vec7, ddq_max: Vec7, dtau_max: Vec7
+) -> Vec7:
+    r"""Return the change of acceleration for which torques are always quick enough.
+
+    .. math:: |M(q)| J \le \dot\tau_{max}
+
+    over configurations inside the limits (sampled, seeded). Of all such J it is the one
+    that gives each joint the same time from rest to `ddq_max`, a quicker one where a
+    joint's own torques leave more.
+
+    Args:
+        robot: The arm with its payload.
+        armature: Rotor inertia [kg m2], shape (7,).
+        ddq_max: Acceleration of each joint [rad/s2], shape (7,).
+        dtau_max: Change of each torque [Nm/s], shape (7,), finite.
+
+    Returns:
+        Jerk J [rad/s3], shape (7,).
+    """
+    limits = robot.limits
+    span = map(as_key, (limits.q_min, limits.q_max, limits.dq_max))
+    inertia = samples(robot, *span).inertia + np.diag(armature)
+    jerk = ddq_max * dtau_max / (inertia @ ddq_max).max(axis=0)
+    used = ((inertia @ jerk) / dtau_max).max()
+    return np.asarray(_RESERVE / float(used) * jerk)
+
+
+@lru_cache(maxsize=16)
+def available_at_tool(
+    robot: "Robot", armature: Numbers, ddq_max: Numbers, dtau_max: Numbers
+) -> tuple[float, float]:
+    """Return what joints and torques leave the TCP along an axis [m/s2, m/s3].
+
+    The acceleration for which no joint passes `ddq_max`, and the change of it for which
+    no torque changes faster than `dtau_max`, while every other axis of the tool keeps
+    what it does. It is what nine of ten configurations near the posture "down" leave:
+    near a singularity there is none.
+
+    Args:
+        robot: The arm with its payload.
+        armature: Rotor inertia of each joint [kg m2].
+        ddq_max: Acceleration of each joint [rad/s2].
+        dtau_max: Change of each torque [Nm/s]; infinity is any.
+    """
+    chain, rng, at = robot.chain(), np.random.default_rng(0), robot.posture("down")
+    low = np.maximum(at - _WORK, robot.limits.q_min)
+    high = np.minimum(at + _WORK, robot.limits.q_max)
+    accelerations, jerks = [], []
+    for q in rng.uniform(low, high, (_SAMPLES, 7)):
+        J = chain.jacobian(q)
+        moved = np.linalg.solve(chain.inertia_matrix(q) + np.diag(armature), J.T)
+        forces = np.linalg.pinv(J @ moved)[:, :3]
+        joints = (np.abs(moved @ forces).T / ddq_max).T
+        torques = (np.abs(J.T @ forces).T / dtau_max).T
+        accelerations.append(1.0 / joints.max(axis=0))
+        jerks.append(1.0 / torques.max(axis=0) if torques.any() else np.full(3, np.inf))
+    most = float(np.quantile(accelerations, 1.0 - _RESERVE))
+    if not np.isfinite(jerks).all():
+        return most, np.inf
+    return most, float(np.quantile(jerks, 1.0 - _RESERVE))
 
 
 @lru_cache(maxsize=64)

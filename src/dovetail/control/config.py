@@ -10,7 +10,13 @@ from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
-from dovetail.control.available import REFERENCE, available_acceleration
+from dovetail.control.available import (
+    REFERENCE,
+    as_key,
+    available_acceleration,
+    available_at_tool,
+    available_jerk,
+)
 from dovetail.control.law import (
     AxisGains,
     ClampConfig,
@@ -47,6 +53,9 @@ _INTERVAL_DELAYS, _INTERVAL_PERIODS = 3.0, 4.5
 """Time in which limits act, over the delay and over the period."""
 _RATE_RATIO = 0.75  # of the estimate: a loop with a delay is unstable from 1.57 on
 _RATE_MAX = 60.0  # 1/s
+_RATE_SHARE = (
+    0.99  # of the change of torque that an arm takes: it counts in its own way
+)
 _DELTA_Q = (2e-3, 3e-3, 5e-3, 5e-3)  # rad, exact model
 _DELTA_V = (0.01, 0.02, 0.05, 0.05)
 _DELTA_Q_HARDWARE = (30e-3, 30e-3, 45e-3, 50e-3)  # rad; all that is declared at once
@@ -164,10 +173,13 @@ class LimitConfig(
             **vars(declared),
             "estimate_rate": rate,
             "brake_rate": rate,
-            "q_min": robot.limits.q_min,
-            "q_max": robot.limits.q_max,
+            "q_min": robot.limits.q_min + robot.limits.standing_room,
+            "q_max": robot.limits.q_max - robot.limits.standing_room,
             "dq_max": robot.limits.dq_max,
             "tau_max": robot.limits.tau_max,
+            "taper_brake": robot.limits.taper_brake,
+            "taper_offset": robot.limits.taper_offset,
+            "dtau_max": _RATE_SHARE * robot.limits.dtau_max,
             "x_min": [0.40, -0.20, 0.02],
             "x_max": [0.80, 0.20, 0.40],
             "kappa": interval / period,
@@ -177,13 +189,14 @@ class LimitConfig(
             "damping": robot.motors.damping,
             "armature": robot.motors.armature,
         } | overrides
-        if "ddq_max" in settings:
-            return cls(**settings)
-        checked = cls(ddq_max=REFERENCE, **settings)
-        ddq_max = available_acceleration(
-            robot, checked.tau_max, checked.damping, checked.armature
-        )
-        return replace(checked, ddq_max=ddq_max)
+        limits = cls(**{**settings, "ddq_max": overrides.get("ddq_max", REFERENCE)})
+        if "ddq_max" not in overrides:
+            ddq_max = available_acceleration(
+                robot, limits.tau_max, limits.damping, limits.armature
+            )
+            limits = replace(limits, ddq_max=ddq_max)
+        weak: dict[str, Any] = _of_a_weak_arm(robot, limits) | overrides
+        return replace(limits, **weak)
 
     def params(self) -> "_core.LimitParams":
         """Copy into the C++ parameter struct."""
@@ -196,3 +209,15 @@ class LimitConfig(
         params.scheme = _core.Scheme(SCHEMES.index(self.scheme))
         params.bounds = _core.BoundsKind(BOUNDS.index(self.bounds))
         return params
+
+
+def _of_a_weak_arm(robot: "Robot", limits: LimitConfig) -> dict[str, Any]:
+    """Return limits of an arm that is weaker than usual, or whose torques are slow."""
+    given = limits.armature, limits.ddq_max, limits.dtau_max
+    found: dict[str, Any] = {}
+    if (limits.ddq_max < REFERENCE).any():
+        most, jerk = available_at_tool(robot, *map(as_key, given))
+        found |= {"ddx_max": np.minimum(limits.ddx_max, most), "jerk_wall": jerk}
+    if np.isfinite(limits.dtau_max).any():
+        found["jerk_max"] = available_jerk(robot, *given)
+    return found

@@ -38,6 +38,24 @@ class JointLimits:
     """Motor torque limits [Nm], gravity included."""
     ddq_max: Annotated[Vec7, Range(1e-2, 1e3, "rad/s2", JOINTS)]
     """Joint acceleration A that the motors can always give [rad/s2]."""
+    taper_brake: Annotated[Vec7, Range(1e-2, np.inf, "rad/s2", JOINTS)] = field(
+        default_factory=lambda: np.full(7, np.inf)
+    )
+    """Fall of the speed limit towards a position limit [rad/s2]: at the distance d from
+    it, it is sqrt(o^2 + 2 d taper_brake) - o, where o is taper_offset."""
+    taper_offset: Annotated[Vec7, Range(0.0, 10.0, "rad/s", JOINTS)] = field(
+        default_factory=lambda: np.zeros(7)
+    )
+    """See taper_brake [rad/s]."""
+    dtau_max: Annotated[Vec7, Range(1e-3, np.inf, "Nm/s", JOINTS)] = field(
+        default_factory=lambda: np.full(7, np.inf)
+    )
+    """Largest change of the commanded torque [Nm/s]."""
+    jerk_max: Annotated[Vec7, Range(1.0, np.inf, "rad/s3", JOINTS)] = field(
+        default_factory=lambda: np.full(7, np.inf)
+    )
+    """Change of a joint's acceleration that dtau_max always allows [rad/s3]: what the
+    limits brake in time for."""
     eta: Annotated[float, Range(0.05, 1.0, "1")] = 0.6
     """Share of ddq_max planned for braking [1]; the rest covers model error."""
     delta_q: Annotated[float, Range(0.0, 0.5, "rad")] = 0.002
@@ -74,6 +92,9 @@ class ToolLimits:
     """Share of ddx_max planned for braking before a wall [1]."""
     delta_x: Annotated[float, Range(0.0, 0.2, "m")] = 0.005
     """Margin before a wall [m]."""
+    jerk_wall: Annotated[float, Range(1.0, np.inf, "m/s3")] = np.inf
+    """Change of the TCP's acceleration that dtau_max leaves [m/s3]: what walls brake
+    in time for."""
 
     @model_validator(mode="after")
     def _check_tool_limits(self) -> Self:

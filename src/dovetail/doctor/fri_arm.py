@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from dovetail import _core
+from dovetail.arms.arm import Arm
 from dovetail.arms.fri_arm import FriAddress, FriArm
 from dovetail.arms.watchdog import WatchdogConfig
 from dovetail.control.config import LimitConfig, OscConfig
@@ -26,7 +27,7 @@ from dovetail.doctor.diagnosis import (
     overload_hint,
 )
 from dovetail.doctor.excitation import excitation_gains, simulated_step
-from dovetail.doctor.gravity_error import allowed_gravity_error
+from dovetail.doctor.gravity_error import worst_miss
 from dovetail.doctor.standstill import (
     check_as_configured,
     check_standstill,
@@ -255,25 +256,24 @@ def check_gravity(arm: FriArm, rest: HeldState, address: FriAddress) -> Check:
 
 def check_drift(arm: FriArm, rest: HeldState, declared: dict[str, Any]) -> Check:
     """Check drift and external torque, which is missed gravity, of the held arm."""
-    allowed = allowed_gravity_error(arm.facts.robot, rest.q, declared)
-    share = np.abs(rest.external) / allowed
-    worst = int(np.argmax(share))
+    worst, allowed, is_outside = worst_miss(
+        arm.facts.robot, rest.q, rest.external, declared
+    )
     detail = (
         f"drift {1e3 * rest.drift:.2f} mm, external torque at most "
         f"{rest.external[worst]:+.2f} Nm at {JOINTS[worst]}"
     )
-    is_good = rest.drift <= DRIFT_MAX and share[worst] <= 1.0
-    if is_good:
+    if rest.drift <= DRIFT_MAX and not is_outside:
         return Check("hold", "ok", detail)
     return Check(
         "hold",
         "broken",
         f"{detail}; allowed: {1e3 * DRIFT_MAX:g} mm and "
-        f"{allowed[worst]:.1f} Nm: check the load data",
+        f"{allowed:.1f} Nm: check the load data",
     )
 
 
-def check_turns(arm: FriArm, q: Vec7) -> Check:
+def check_turns(arm: Arm, q: Vec7) -> Check:
     """Turn every joint a little each way and check that it follows."""
     reached = np.zeros((2, 7))
     for joint in range(7):
@@ -303,7 +303,7 @@ def check_turns(arm: FriArm, q: Vec7) -> Check:
     return Check("torques", "ok", detail)
 
 
-def turn(arm: FriArm, q: Vec7, joint: int, sign: float) -> float:
+def turn(arm: Arm, q: Vec7, joint: int, sign: float) -> float:
     """Turn one joint and back; return the way it went over the way asked [1]."""
     there = q.copy()
     there[joint] += sign * TURN

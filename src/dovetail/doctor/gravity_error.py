@@ -10,106 +10,38 @@ gravity is 1 m/s2 along axis k, joint j then misses at most
 
 No arm of that range misses more. At a working pose the heaviest one misses as much.
 
-**Explained.** A load at the flange that the cabinet does not know takes the torque
-
-.. math:: g_e = 9.81 \left(m\, J_{z} + \sum_k (m c_k)\, (\omega \times R e_k)_z\right)
-
-of every joint: linear in its mass m and its first moments m c. At one configuration
-only the three combinations that gravity turns about can be seen; of the others the
-smallest load is taken, as no more can be known.
+**Explained.** See `robots.missed_load`.
 """
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 
 from dovetail.control.proven import GRAVITY_ERROR, unproven
 from dovetail.doctor.check import Check, signed
 from dovetail.doctor.torque_balance import JointFit
+from dovetail.robots.missed_load import (
+    MissedLoad,
+    declared_load,
+    explain_by_load,
+    is_plausible,
+)
 from dovetail.robots.robot import Robot
-from dovetail.types import JOINTS, Array, Vec3, Vec7
+from dovetail.types import JOINTS, Array, Vec7
 
-EXPLAINED = 0.9
-"""Share of a gravity error from which a load may be its cause, and is named [1]."""
 CERTAIN = 0.995
-"""The same from which it is its cause, also inside the declared range [1]: links that
+"""Share from which a load is its cause, also inside the declared range [1]: links that
 are all too heavy look like a load, but of random arms inside that range at most 2 in
 100 so exactly like one of more than 1 kg."""
 NOTHING = 0.3
 """Gravity error of every joint below which none is explained [Nm]."""
-LIGHTEST, FARTHEST = 0.05, 0.5
-"""Least mass [kg] and farthest centre of mass [m] of a load that is believed."""
 _GRAVITY = 9.81
 _SHARE = 0.05
 _UNEXPLAINED = (
     "check the mounting's inclination, and identify the arm (dovetail identify); the "
     "limits are unproven for it, with a tare, too"
 )
-_SIZES = np.array([1.0, 0.1, 0.1, 0.1])
-"""Usual error of the mass [kg], and of its moments [kg m]."""
-_CUT = 0.02
-"""Directions seen less than this share of the best are left as they are declared."""
-
-
-class MissedLoad(NamedTuple):
-    """Correction to be added to the load data at the flange."""
-
-    mass: float
-    """Mass [kg]."""
-    moment: Vec3
-    """Mass times centre of mass, flange axes [kg m], shape (3,)."""
-    explained: float
-    """Share of the gravity error's square that goes away with it [1]."""
-
-    def total(self, mass: float, com: Vec3) -> tuple[float, Vec3]:
-        """Return mass [kg] and centre of mass [m] of the load with a declared one."""
-        whole = mass + self.mass
-        if whole < 1e-3:
-            return whole, np.asarray(com, dtype=float)
-        return whole, (mass * np.asarray(com) + self.moment) / whole
-
-
-def explain_by_load(robot: Robot, q: Vec7, error: Vec7, spread: Vec7) -> MissedLoad:
-    """Return the load that explains gravity errors best.
-
-    Args:
-        robot: The model, tool included.
-        q: Configuration at which they were measured [rad].
-        error: True minus compensated gravity torque of each joint [Nm].
-        spread: Standard deviation of each [Nm].
-    """
-    weight = 1.0 / np.maximum(spread, 0.02)
-    weight /= weight.max()
-    terms = load_torques(robot, q) * _SIZES
-    scaled = np.linalg.lstsq(weight[:, None] * terms, weight * error, rcond=_CUT)[0]
-    left = weight * (error - terms @ scaled)
-    whole = float(np.sum((weight * error) ** 2))
-    share = 1.0 - float(left @ left) / whole if whole > 0.0 else 0.0
-    load = scaled * _SIZES
-    return MissedLoad(float(load[0]), load[1:], share)
-
-
-def load_torques(robot: Robot, q: Vec7) -> Array:
-    """Return the torques [Nm] of 1 kg at the flange and of 1 kg m along its axes.
-
-    Shape (7, 4): what gravity compensation has to add for each.
-    """
-    chain = robot.chain()
-    _, R_tool = chain.pose(q)
-    R = np.asarray(R_tool) @ robot.geometry.tool_rotation.T  # flange axes in the world
-    jacobian = np.asarray(chain.jacobian(q))
-    linear, angular = jacobian[:3], jacobian[3:]
-    to_flange = -R @ robot.geometry.tool_position
-    columns = [linear[2] + _turned(angular, to_flange)]
-    columns += [_turned(angular, R[:, k]) for k in range(3)]
-    return _GRAVITY * np.stack(columns, axis=1)
-
-
-def _turned(angular: Array, lever: Vec3) -> Vec7:
-    """Return the upward part of omega x lever of every joint."""
-    return angular[0] * lever[1] - angular[1] * lever[0]
 
 
 def allowed_gravity_error(robot: Robot, q: Vec7, declared: dict[str, float]) -> Vec7:
@@ -132,6 +64,26 @@ def allowed_gravity_error(robot: Robot, q: Vec7, declared: dict[str, float]) -> 
     return np.asarray(np.maximum(missed, _SHARE * robot.limits.tau_max))
 
 
+def worst_miss(
+    robot: Robot, q: Vec7, error: Vec7, declared: dict[str, float]
+) -> tuple[int, float, bool]:
+    """Return the joint whose gravity error is the largest share of what is allowed.
+
+    Args:
+        robot: The model, tool included.
+        q: Configuration at which it was measured [rad].
+        error: Of each joint [Nm].
+        declared: Largest `mass_error` [1] and `payload_error` [kg].
+
+    Returns:
+        Its index, what is allowed there [Nm], and whether its error is beyond that.
+    """
+    allowed = allowed_gravity_error(robot, q, declared)
+    shares = np.abs(error) / allowed
+    worst = int(np.argmax(shares))
+    return worst, float(allowed[worst]), bool(shares[worst] > 1.0)
+
+
 def _link_torques(robot: Robot, q: Vec7) -> Array:
     """Return the torques [Nm] of each link where gravity is 1 m/s2 along each axis.
 
@@ -152,7 +104,7 @@ def _link_torques(robot: Robot, q: Vec7) -> Array:
 def check_gravity_error(
     robot: Robot, q: Vec7, fits: Sequence[JointFit], declared: dict[str, float]
 ) -> Check:
-    """Compare the missed gravity with the declared range, and name the true load.
+    """Compare the gravity that a diagnosis misses with the declared range.
 
     Args:
         robot: The model, tool included.
@@ -162,56 +114,62 @@ def check_gravity_error(
     """
     error = np.array([fit.offset for fit in fits])
     spread = np.array([fit.spread_of("offset") for fit in fits])
+    return check_missed(robot, q, error, spread, declared)
+
+
+def check_missed(
+    robot: Robot,
+    q: Vec7,
+    error: Vec7,
+    spread: Vec7,
+    declared: dict[str, float],
+    name: str = "gravity error",
+) -> Check:
+    """Compare missed gravity with the declared range, and name the true load.
+
+    Args:
+        robot: The model, tool included.
+        q: Configuration at which it was measured [rad].
+        error: True minus compensated gravity torque of each joint [Nm].
+        spread: Standard deviation of each [Nm].
+        declared: Largest declared errors of the model.
+        name: The check's.
+    """
     load = explain_by_load(robot, q, error, spread)
     detail = f"{signed(error)} Nm missed"
     if np.abs(error).max() > NOTHING:
         detail += f"; {_load_text(robot, load)}"
-    allowed = allowed_gravity_error(robot, q, declared)
-    worst = int(np.argmax(np.abs(error) / allowed))
-    is_outside = abs(error[worst]) > allowed[worst]
-    is_load = _is_plausible(robot, load)
+    worst, allowed, is_outside = worst_miss(robot, q, error, declared)
+    is_load = is_plausible(robot, load)
     problems = unproven(payload_error=abs(load.mass), declared=declared)
     if problems and is_load and (is_outside or load.explained > CERTAIN):
-        return Check("gravity error", "broken", f"{detail}: {problems[0]}")
+        return Check(name, "broken", f"{detail}: {problems[0]}")
     if is_outside:
         return Check(
-            "gravity error",
+            name,
             "broken",
             f"{detail}: at {JOINTS[worst]} that is {abs(error[worst]):.1f} Nm; inside "
-            f"the declared range it is 0 to {allowed[worst]:.1f} Nm: "
+            f"the declared range it is 0 to {allowed:.1f} Nm: "
             + ("correct the load data" if is_load else _UNEXPLAINED),
         )
-    return Check("gravity error", "ok", detail)
+    return Check(name, "ok", detail)
 
 
 def _load_text(robot: Robot, load: MissedLoad) -> str:
     """Name the load that explains a gravity error, if there is one."""
-    if not _is_plausible(robot, load):
+    if not is_plausible(robot, load):
         return (
             "no load at the flange explains it: the masses of the arm's own links "
             "differ, or gravity's direction (the mounting's inclination). A tare takes "
             "it off before each try"
         )
-    (mass, com), (whole, where) = _declared_load(robot), _total_load(robot, load)
+    (mass, com), (whole, where) = (
+        declared_load(robot),
+        load.total(*declared_load(robot)),
+    )
     return (
         f"a load of {whole:.2f} kg at {signed(1e3 * where, 0)} mm from the flange "
         f"would explain {100 * load.explained:.0f} % of it, in place of {mass:.2f} kg "
         f"at {signed(1e3 * com, 0)} mm (one pose does not tell where it is along "
         "gravity)"
     )
-
-
-def _is_plausible(robot: Robot, load: MissedLoad) -> bool:
-    """Return True if a flange may carry the load and it explains most of the error."""
-    whole, where = _total_load(robot, load)
-    is_near = bool(np.linalg.norm(where) < FARTHEST)
-    return load.explained > EXPLAINED and whole > LIGHTEST and is_near
-
-
-def _declared_load(robot: Robot) -> tuple[float, Vec3]:
-    payload = robot.payload
-    return (0.0, np.zeros(3)) if payload is None else (payload.mass, payload.com)
-
-
-def _total_load(robot: Robot, load: MissedLoad) -> tuple[float, Vec3]:
-    return load.total(*_declared_load(robot))

@@ -35,7 +35,9 @@ EXTRAS = {
     "teach": ("pyspacemouse", "a 3D mouse in the cockpit"),
     "film": ("moviepy", "Gymnasium's RecordVideo, and its window"),
     "cluster": ("ray", "fits on several machines"),
-    "parts": ("shapely", "parts from outlines"),
+    "franka": ("pylibfranka", "a Franka arm, franka://"),
+    "menagerie": ("mujoco_menagerie", "robots by name, menagerie:NAME"),
+    "parts": ("shapely", "parts from outlines and meshes"),
 }
 """Optional packages by the extra that brings them, and what for."""
 

@@ -14,7 +14,7 @@ from dovetail.errors import ConfigError
 from dovetail.options import Period
 from dovetail.plants.plant import DynamicsConfig
 from dovetail.plants.twin import Twin
-from dovetail.robots.find import DEFAULT_ROBOT
+from dovetail.robots.find import DEFAULT_ROBOT, whole_robot
 from dovetail.settings import Range, fill_in, settings
 from dovetail.tasks.shipped import EPISODE_STEPS
 from dovetail.trackers.find import DEFAULT_TRACKER
@@ -142,7 +142,14 @@ class PlantConfig:
     """Physics engine: mujoco, bullet or drake. Of the plain plant, not of a twin or an
     arm."""
     robot: str = DEFAULT_ROBOT
-    """Robot in the cell, or MODULE:FUNCTION of your own."""
+    """Robot: a name, .urdf or .xml file, menagerie:NAME or MODULE:FUNCTION.
+    Settings and policies hold the robot of a file, not its path."""
+
+    @model_validator(mode="after")
+    def _check_plant_config(self) -> Self:
+        """Read a robot's file."""
+        fill_in(self, robot=whole_robot(self.robot))
+        return self
 
 
 @settings()

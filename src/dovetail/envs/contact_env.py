@@ -162,7 +162,7 @@ class ContactEnv(
         self.task, self.config = task, config or EnvConfig()
         action = self.config
         self.cell = task.workcell(find_robot(action.robot), action.cell)
-        self._region = Region.of(action.cell)
+        self._region = Region.of(self.cell)
         self.render_mode = render_mode
         self._pictures = EpisodePictures(self.cell, render_mode, self.metadata)
         self.axes = TaskSpec.parse(task.axes)
@@ -200,9 +200,8 @@ class ContactEnv(
         """Take from the arm and the task what each step needs."""
         require_axes(self.arm, self.axes)
         require_task(self.task, self.arm.facts.robot)
-        if (cell := self.config.cell) is not None:
-            margin = margin_of(self.task, self.arm)
-            self.task.require_region(cell, self.cell, margin)
+        if self.config.cell is not None:
+            self.task.require_region(self.cell, margin_of(self.task, self.arm))
         require_columns(self.arm, (*self.task.columns, *self.config.also))
         self.max_steps = self.config.max_steps
         facts, seen, own = self.arm.facts, self.config, self.task.columns
@@ -215,6 +214,7 @@ class ContactEnv(
         self.violations = ViolationCounter(facts.robot, *self._walls)
         self.places_fixture = facts.traits.places_fixture
         self._is_tilting = "tilt" in own
+        self._is_counted = type(self.task).counted is not Task.counted
         self._target = _core.Target()
         size = len(self.commands)
         self._recall = HistoryFeatures(seen.recall, self.scaling, size)
@@ -408,7 +408,10 @@ class ContactEnv(
             true, is_done = self._by_truth, info["success"]
             force = info["contact_force_max"]
             turn = true.angle() if self._is_tilting else true.theta_error
-            reward = self.task.weigh(true.position_error, turn, is_done, force)
+            error = true.position_error
+            if self._is_counted:
+                error = self.task.counted(error, true.goal)
+            reward = self.task.weigh(error, turn, is_done, force)
             if type(reward) is not float or not math.isfinite(reward):
                 reward = read_reward(self.task, reward)
         except Exception:  # of a task of one's own, too

@@ -119,7 +119,7 @@ def require_task(task: Task, robot: "Robot") -> None:
     state = ArmState(0.0, q, np.zeros(7), tool, *still, log, parts)
     error = start.position - goal.position
     read_progress(task, task.judge(error, goal, state))
-    read_reward(task, task.weigh(error, 0.0, False, 0.0))
+    read_reward(task, task.weigh(task.counted(error, goal), 0.0, False, 0.0))
 
 
 def read_pose(task: Task, method: str, told: Any) -> Pose:

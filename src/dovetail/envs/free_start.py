@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from dovetail.errors import ConfigError
-from dovetail.plants.mjcf import build_mjcf
+from dovetail.plants.mjcf import build_mjcf, model_positions
 from dovetail.plants.plant import require_configuration
 from dovetail.poses import Pose
 from dovetail.robots.robot import Robot
@@ -56,7 +56,7 @@ class StartCheck:
         self._data = self._mujoco.MjData(self._model)
         self._fixture = self._model.body("fixture").id
         self._name = cell.fixture.name
-        self._parts = cell.joint_starts
+        self._joints, self._parts = cell.joints, cell.joint_starts
 
     def overlap(self, q: Vec7, fixture: Pose) -> Overlap:
         """Return how deep the tool is in something.
@@ -69,7 +69,8 @@ class StartCheck:
             ConfigError: q is not seven finite numbers.
         """
         model, data = self._model, self._data
-        data.qpos[:7], data.qpos[7:] = require_configuration(q), self._parts
+        q = require_configuration(q)
+        data.qpos[:] = model_positions(q, self._joints, self._parts)
         data.mocap_pos[0], data.mocap_quat[0] = fixture
         self._mujoco.mj_kinematics(model, data)
         self._mujoco.mj_comPos(model, data)

@@ -1,6 +1,6 @@
 """Environments that have a name: a task and a few short settings.
 
-``gym.make("dovetail/RailClip-v0", clearance=0.001, twin="medium")``. A task outside
+``gym.make("dovetail/GearMesh-v0", clearance=0.0003, twin="medium")``. A task outside
 the package is registered by its own module with `register_task` and named
 ``my_module:MyTask-v0``.
 """
@@ -98,7 +98,7 @@ def make_untimed(
     Raises:
         ConfigError: See `make_env`; or a `max_steps`.
     """
-    base = config or EnvConfig()
+    base = config or _usual(_class(task_class))
     _require_untimed(max_steps, base)
     whole = replace(base, max_steps=ENDLESS)
     return make_env(task_class, config=whole, **settings)
@@ -139,16 +139,18 @@ def make_env(
     """
     kind = _class(task_class)
     own, rest = split_settings(kind, settings)
-    if config is None:
-        of_env = {n: v for n, v in kind.training.items() if n in _OF_TASK}
-        rest = of_env | rest
-    base = config or EnvConfig()
+    base = config or _usual(kind)
     if isinstance(tracker, str):
         base, tracker = replace(base, tracker=tracker), None
     whole = replace(base, **rest)
     return _kind(whole)(
         build_task(kind, own), arm, whole, tracker=tracker, render_mode=render_mode
     )
+
+
+def _usual(task: type[Task]) -> EnvConfig:
+    """Return the usual settings of a task's environment."""
+    return EnvConfig(**{n: v for n, v in task.training.items() if n in _OF_TASK})
 
 
 def _kind(config: EnvConfig) -> type[ContactEnv]:

@@ -9,6 +9,7 @@ from dovetail.arms.arm import Arm
 from dovetail.control.task_spec import TaskSpec
 from dovetail.errors import ConfigError, ReachError, TrackerError
 from dovetail.poses import Pose, matrix_from_quat
+from dovetail.tasks.region import Region
 from dovetail.tasks.task import Task
 from dovetail.trackers.tracker import Estimate
 from dovetail.workcell.workcell import Workcell
@@ -19,6 +20,8 @@ _HEIGHT = 0.020
 for a hand measurement, and no part is that flat."""
 _TILT = 0.15
 """Largest tilt of a fixture against its given normal [rad]."""
+_DRAWS = 50
+"""Fixtures that are drawn to see whether an arm can work where a training draws."""
 _LEVEL = 1e-9  # of a normal's z, which is 1 where the tool points straight down
 _ADVICE = (
     "is the board on another part, bent, or the camera moved? put the board round the "
@@ -53,6 +56,40 @@ def require_inside(task: Task, cell: Workcell, arm: Arm, fixture: Pose) -> None:
                     f"{cell.fixture.name}{_margin_advice(margin)}"
                 )
     _require_turnable(task, cell, arm, fixture)
+
+
+def require_drawn(task: Task, cell: Workcell, arm: Arm) -> None:
+    """Refuse an arm that cannot work at every fixture that a training would draw.
+
+    It is tried at the trial poses, at the region's corners, and at some that are drawn.
+
+    Args:
+        task: Draws them.
+        cell: The arm with its tool, and the region of fixtures, if it has one.
+        arm: The arm, with its limits.
+
+    Raises:
+        ConfigError: Names the arm, the fixture, and how much it lacks.
+    """
+    poses = [place.pose() for place in task.trial_poses_in(cell)]
+    given, usual = Region.of(cell), task.trial_region
+    if (region := given or usual) is not None:
+        poses += region.corners(task.trial_poses[0].facing)
+    rng = np.random.default_rng(0)
+    for _ in range(_DRAWS):
+        drawn = task.draw_in(rng, given) if given else task.draw_fixture(rng)
+        poses.append(drawn)
+    for pose in poses:
+        try:
+            require_inside(task, cell, arm, pose)
+        except ConfigError as error:
+            raise ConfigError(
+                f"{cell.robot.name} cannot work at every fixture of this task: "
+                f"{error}; a cell file says where they stand: --cell FILE with "
+                "fixture_low, fixture_high and fixture_yaw (docs/your-own-cell.md)",
+                name="robot",
+                value=cell.robot.name,
+            ) from error
 
 
 def _require_turnable(task: Task, cell: Workcell, arm: Arm, fixture: Pose) -> None:

@@ -24,7 +24,12 @@ from dovetail.evaluation.config import (
     require_place,
 )
 from dovetail.evaluation.measured import outside_measured
-from dovetail.evaluation.origin import name_ground, provenance
+from dovetail.evaluation.origin import (
+    lacking_inertia,
+    name_ground,
+    other_robot,
+    provenance,
+)
 from dovetail.evaluation.outcome import Outcome
 from dovetail.evaluation.paired_test import (
     TRIES_MAX,
@@ -32,13 +37,15 @@ from dovetail.evaluation.paired_test import (
 from dovetail.evaluation.perturbation import Perturbation, make_perturbed
 from dovetail.evaluation.race import PairResult, Race
 from dovetail.evaluation.race_report import write_comparison
-from dovetail.evaluation.terminal import render_rows
+from dovetail.evaluation.terminal import print_notes, render_rows
 from dovetail.evaluation.transfer import Row
 from dovetail.evaluation.trials import plan_trials, run_trials
 from dovetail.files import claim_output_folder, dated_folder
 from dovetail.learn.policy import Policy, find_policy
 from dovetail.learn.policy_env import known_env_id, require_contact_accepted
 from dovetail.learn.spaces import require_spaces
+from dovetail.robots.robot import Robot
+from dovetail.robots.same_robot import difference
 from dovetail.settings import Range, names_in, settings, values_of
 from dovetail.tasks.options import option_types
 
@@ -114,8 +121,10 @@ def compare(config: ComparisonConfig, console: Console | None = None) -> Compari
     """
     console = console or Console(stderr=True)
     contenders = _contenders(config)
-    tasks = {one.name: _check(one, console) for one in contenders}
-    _require_same_task(tasks)
+    checked = {one.name: _check(one, console) for one in contenders}
+    _require_same_task({name: task for name, (task, _) in checked.items()})
+    robots = {name: robot for name, (_, robot) in checked.items()}
+    print_notes(_notes_of(robots, contenders[0].config), console)
     folder = claim_output_folder(config.out or dated_folder("results"))
     started = datetime.now(UTC)
     names = [one.name for one in contenders]
@@ -196,11 +205,33 @@ def _require_same_task(tasks: Mapping[str, Mapping[str, Any]]) -> None:
             )
 
 
-def _check(one: Contender, console: Console) -> dict[str, Any]:
+def _notes_of(robots: Mapping[str, Robot], config: EvaluationConfig) -> list[str]:
+    """Return the notes about the one robot of all tries.
+
+    Args:
+        robots: For each policy the bare robot of its tries.
+        config: Settings of the tries of any of them.
+
+    Raises:
+        ConfigError: Two of one name are not the same robot.
+    """
+    (one, robot), *others = robots.items()
+    for other, found in others:
+        if different := difference(robot, found):
+            raise ConfigError(
+                f"robot {robot.name} is another one for {other} than for {one}: "
+                f"{different}; give --robot to try both on the same",
+                name="robot",
+                value=found.name,
+            )
+    return list(filter(None, (lacking_inertia(config, robot), *robot.all_notes)))
+
+
+def _check(one: Contender, console: Console) -> tuple[dict[str, Any], Robot]:
     """Say before anything moves what is wrong, or lax, with a policy.
 
     Returns:
-        What its task is made of, by the names of options.
+        What its task is made of, by the names of options, and the bare robot.
 
     Raises:
         DovetailError: The policy does not fit its environment, or the arm is missing.
@@ -209,16 +240,18 @@ def _check(one: Contender, console: Console) -> dict[str, Any]:
         one.options, one.config.arm, is_given=one.config.accept_contact
     )
     measured = outside_measured(one.file, one.config, one.options)
-    if said := "; ".join(filter(None, (lax, measured))):
-        console.print(f"note: {one.name}: {said}", soft_wrap=True)
+    other = other_robot(one.options, one.policy.metadata)
+    said = [f"{one.name}: {text}" for text in (lax, measured, other) if text]
+    print_notes(said, console)
     with closing(_make_env(one)()) as env:
         core = require_contact_env(env)
         require_place(one.config, can_place=core.places_fixture)
         require_spaces(one.policy.metadata, env)
-        task, robot = core.task, core.cell.robot.name
+        task, robot = core.task, core.cell.robot
         cell = core.cell.own or "the task's own"
         options = {name: vars(task)[name] for name in option_types(type(task))}
-    return {"env": one.env_id, "robot": robot, "cell": cell, **options}
+    made = {"env": one.env_id, "robot": robot.name, "cell": cell, **options}
+    return made, robot
 
 
 def _make_env(one: Contender) -> partial[Any]:

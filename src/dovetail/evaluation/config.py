@@ -20,11 +20,14 @@ from dovetail.learn.policy_env import (
     known_env_id,
     policy_settings,
     require_own_cell,
+    require_own_robot,
 )
 from dovetail.options import Period, Placement
 from dovetail.plants.plant import PLANTS
 from dovetail.plants.twin import list_twins, load_twin
+from dovetail.plugins import module_of
 from dovetail.poses import rotation_error
+from dovetail.robots.find import DEFAULT_ROBOT, find_robot
 from dovetail.search.script import SCRIPT_SETTINGS
 from dovetail.settings import names_in, settings
 from dovetail.tasks.fixture_pose import FixturePose
@@ -82,7 +85,8 @@ class TriedPlaceConfig:
     accept_contact: bool = False
     """Yes to a policy on a robot whose contact settings are laxer than the defaults."""
     robot: str | None = None
-    """Robot in the cell; default the policy's."""
+    """Robot: a name, .urdf or .xml file, menagerie:NAME or MODULE:FUNCTION.
+    Default the policy's."""
     tracker: str | None = None
     """Tracker of the fixture: truth, delayed, noisy, late, twin, or a camera's file.
     With numbers: delayed?delay=0.1, late?bias=0.002; twin is the camera of the twin's
@@ -148,6 +152,8 @@ def environment_options(
     options = policy_settings(policy, config.env) | config.task_options
     options |= _trained_robot(config, policy) | config.declared_errors()
     require_own_cell(options, config.arm, is_given=config.cell is not None)
+    told = policy["env"].get("robot")
+    require_own_robot(told, config.arm, is_given=config.robot is not None)
     for name in (*places, "robot", "tracker", "cell"):
         if (value := vars(config)[name]) is not None:
             options[name] = value
@@ -205,7 +211,7 @@ def _trained_robot(
     told = policy["env"].get("robot")
     if config.robot is not None or not isinstance(told, str):
         return {}
-    if ":" in told:
+    if module_of("robot", told):
         raise ConfigError(
             f"the policy was trained with the robot {told!r}, of a module; add --robot "
             f"{told} if you trust it"
@@ -259,7 +265,9 @@ def fixture_poses(
     """Return where the fixture is for the tries: the policy's own poses, or given."""
     options = policy_settings(policy, config.env) | config.task_options
     task = make_task(known_env_id(policy, config.env), options)
-    poses = task.trial_poses_in(cell_in(config, policy))
+    trained = _trained_robot(config, policy).get("robot", DEFAULT_ROBOT)
+    robot = find_robot(config.robot or trained)
+    poses = task.trial_poses_in(task.workcell(robot, cell_in(config, policy)))
     if config.fixture is None:
         return poses
     place = FixturePose.given(config.fixture, poses[0].facing)

@@ -30,24 +30,27 @@ from dovetail.evaluation.origin import (
     lacking_inertia,
     name_ground,
     other_period,
+    other_robot,
     shared_engine,
 )
 from dovetail.evaluation.outcome import Outcome
 from dovetail.evaluation.perturbation import make_perturbed
 from dovetail.evaluation.report import Report
 from dovetail.evaluation.search_figure import draw_search
-from dovetail.evaluation.terminal import render_table, run_shown
+from dovetail.evaluation.terminal import print_notes, render_table, run_shown
 from dovetail.evaluation.transfer import Row, summarise
 from dovetail.evaluation.trials import film_name, plan_trials, run_trials
 from dovetail.files import claim_output_folder, dated_folder, write_atomic
 from dovetail.learn.policy import Policy, find_policy
 from dovetail.learn.policy_env import known_env_id, require_contact_accepted
 from dovetail.learn.spaces import require_spaces
-from dovetail.robots.robot import Robot
+from dovetail.robots.find import DEFAULT_ROBOT, robot_label
 from dovetail.search.script import CornerScript
 from dovetail.settings import in_count
+from dovetail.tasks.fixture_pose import FixturePose
 from dovetail.tasks.task import Outline, Task
 from dovetail.view.renderer import Renderer
+from dovetail.workcell.workcell import Workcell
 
 _WORKERS_MAX = 256
 
@@ -81,14 +84,15 @@ def evaluate(config: EvaluationConfig, console: Console | None = None) -> Evalua
     options = environment_options(config, policy.metadata)
     perturbation = config.perturbation
     lax = require_contact_accepted(options, config.arm, is_given=config.accept_contact)
-    said = "; ".join(filter(None, (lax, outside_measured(file, config, options))))
-    if said:
-        console.print(f"note: {said}", soft_wrap=True)  # before anything moves
     env_id = known_env_id(policy.metadata, config.env)
     make_env = partial(make_perturbed, env_id, perturbation, options)
     with closing(_inspect(config, make_env, policy)) as env:
         core = require_contact_env(env)
-        task, robot = core.task, core.cell.robot
+        task = core.task
+        measured = outside_measured(file, config, options)
+        found = _notes(config, options, policy.metadata, core.cell)
+        notes = [lax, measured, *found]
+        print_notes(notes, console)  # before anything moves
         folder = claim_output_folder(config.out or dated_folder("results"))
         logs = folder / "logs" if config.keep_logs else None
         if logs is not None:
@@ -107,15 +111,17 @@ def evaluate(config: EvaluationConfig, console: Console | None = None) -> Evalua
             films=folder if config.video else None,
             workers=config.workers,
         )
-        title = _title(file.stem, task, config, options["period"])
+        title = _title(file.stem, task, config, options)
         names = [pose.name for pose in poses]
         outcomes = run_shown(trials, len(jobs), title, names, task.done_word, console)
     rows = summarise(outcomes, names)
+    unfilmed = dict.fromkeys(o.files.film_error for o in outcomes)
+    print_notes(unfilmed, console)
     report = Report(
         title=title,
         ground=name_ground(config),
         period=options["period"],
-        note=_notes(said, config, options["period"], policy.metadata, outcomes, robot),
+        notes=[note for note in (*notes, *unfilmed) if note],
         rows=rows,
         outcomes=outcomes,
         done_word=task.done_word,
@@ -123,48 +129,61 @@ def evaluate(config: EvaluationConfig, console: Console | None = None) -> Evalua
             replace(config, out=folder), options, poses, policy.metadata, started
         ),
     )
-    _print(report, said, console)
-    films = [folder / film_name(pose) for pose in poses] if config.video else []
-    searched = None
-    if perturbation.fixture_shift:
-        searched = draw_search(report, poses, task.outline())
-    files = write_report(report, folder, task.outline(), films, searched)
+    _print(report, console)
+    made = _write(config, report, folder, poses, task.outline())
     return Evaluation(
-        rows, outcomes, report, folder, [*files, *([logs] if logs else [])]
+        rows, outcomes, report, folder, [*made, *([logs] if logs else [])]
     )
 
 
-def _title(policy: str, task: Task, config: EvaluationConfig, period: float) -> str:
+def _write(
+    config: EvaluationConfig,
+    report: Report,
+    folder: Path,
+    poses: Sequence[FixturePose],
+    outline: Outline | None,
+) -> list[Path]:
+    """Write the report with the figures and films that were asked for."""
+    films = [folder / film_name(pose) for pose in poses] if config.video else []
+    searched = None
+    if config.perturbation.fixture_shift:
+        searched = draw_search(report, poses, outline)
+    return write_report(report, folder, outline, films, searched)
+
+
+def _title(
+    policy: str, task: Task, config: EvaluationConfig, options: Mapping[str, Any]
+) -> str:
+    robot = robot_label(options.get("robot", DEFAULT_ROBOT))
     parts = [
         policy,
+        *([] if robot == DEFAULT_ROBOT else [f"robot {robot}"]),
         *task.describe(),
         *config.perturbation.describe(),
         f"on {name_ground(config)}",
-        f"control period {1e3 * period:g} ms",
+        f"control period {1e3 * options['period']:g} ms",
     ]
     return ", ".join(parts)
 
 
 def _notes(
-    said: str,
     config: EvaluationConfig,
-    period: float,
+    options: Mapping[str, Any],
     policy: Mapping[str, Any],
-    outcomes: Sequence[Outcome],
-    robot: Robot,
-) -> str:
-    """Return what a reader of the numbers must know; empty for nothing."""
-    notes = (said, other_period(period, policy), shared_engine(config, policy))
-    notes = (*notes, other_cell(config, policy))
-    films = (o.files.film_error for o in outcomes)
-    file = (*robot.notes, *robot.motors.notes)
-    lack = lacking_inertia(config, robot)
-    return "; ".join(filter(None, (*notes, lack, *file, *films)))
+    cell: Workcell,
+) -> list[str]:
+    """Return what a reader of the numbers must know; an empty text for nothing."""
+    return [
+        other_period(options["period"], policy),
+        shared_engine(config, policy),
+        other_cell(config, policy),
+        other_robot(options, policy),
+        lacking_inertia(config, cell.robot),
+        *cell.notes,
+    ]
 
 
-def _print(report: Report, said: str, console: Console) -> None:
-    if note := report.note.removeprefix(said).removeprefix("; "):
-        console.print(f"note: {note}", soft_wrap=True)
+def _print(report: Report, console: Console) -> None:
     console.print(report.title, soft_wrap=True)  # a table's title would be broken
     console.print(render_table(report.rows))
     told = [o.conditions.tare for o in report.outcomes]

@@ -16,6 +16,8 @@ from dovetail.evaluation.config import EvaluationConfig
 from dovetail.learn.export import commit, versions
 from dovetail.options import option_words
 from dovetail.plants.twin import load_twin
+from dovetail.plugins import is_robot_text
+from dovetail.robots.find import DEFAULT_ROBOT, robot_label, whole_robot
 from dovetail.robots.robot import Robot
 from dovetail.settings import values_of
 from dovetail.tasks.fixture_pose import FixturePose
@@ -86,6 +88,23 @@ def other_period(period: float, policy: Mapping[str, Any]) -> str:
     )
 
 
+def other_robot(options: Mapping[str, Any], policy: Mapping[str, Any]) -> str:
+    """Say that the policy was trained with another robot; empty where not.
+
+    Args:
+        options: Keyword arguments of the environment of the tries.
+        policy: The policy's description.
+    """
+    here = whole_robot(options.get("robot", DEFAULT_ROBOT))
+    trained = str(policy["env"].get("robot", DEFAULT_ROBOT))
+    if here == trained:
+        return ""
+    return (
+        f"the robot of the tries is {robot_label(here)}, that of the policy's "
+        f"training {robot_label(trained)}"
+    )
+
+
 def lacking_inertia(config: EvaluationConfig, robot: Robot) -> str:
     """Say that the twin's inertia set is of another robot; empty where it is not."""
     twin = _address(config).twin
@@ -113,10 +132,31 @@ def describe_origin(
         config, options = replace(config, **arm), {**options, **arm}
     return Origin(
         config=describe_settings(config, options, poses),
-        policy=policy,
+        policy=_labelled(policy),
         provenance=provenance(started),
         command=command_line(config),
     )
+
+
+def _labelled(policy: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Return a policy's description with its robot's name in the place of its text.
+
+    The text, several thousand characters, stays in the policy's own file.
+    """
+    robot = policy["env"].get("robot", "")
+    if not is_robot_text(robot):
+        return policy
+    label = robot_label(robot)
+
+    def named(value: Any) -> Any:
+        if isinstance(value, Mapping):
+            return {key: named(entry) for key, entry in value.items()}
+        if isinstance(value, str):
+            typed = shlex.quote(f"FILE of {label}")
+            return value.replace(shlex.quote(robot), typed).replace(robot, label)
+        return value
+
+    return named(policy)
 
 
 def describe_settings(
@@ -132,6 +172,8 @@ def describe_settings(
     settings = values_of(config)
     settings |= settings.pop("task_options")
     settings["environment"] = dict(options)
+    if "robot" in options:
+        settings["environment"]["robot"] = robot_label(options["robot"])
     for table in (settings, settings["environment"]):
         if isinstance(cell := table.get("cell"), CellConfig):
             table["cell"] = cell.table()

@@ -26,8 +26,8 @@ class Report:
     """The transfer table, its last row over all poses."""
     outcomes: Sequence[Outcome]
     """Every try."""
-    note: str = ""
-    """Note for the reader of the table; may be empty."""
+    notes: Sequence[str] = ()
+    """Notes for the reader of the table."""
     done_word: str = Task.done_word
     """Word for a success, as "inserted"."""
     origin: Origin
@@ -39,7 +39,7 @@ class Report:
             "title": self.title,
             "ground": self.ground,
             "control period [s]": self.period,
-            "note": self.note,
+            "notes": list(self.notes),
             "rows": [row.numbers() for row in self.rows],
             "tries": [outcome.numbers() for outcome in self.outcomes],
             "config": dict(self.origin.config),
@@ -66,7 +66,7 @@ class Report:
         parts = [
             f"<h1>{text(self.title)}</h1>",
             lead,
-            *([f'<p class="note">Note: {text(self.note)}.</p>'] if self.note else []),
+            *(f'<p class="note">Note: {text(note)}.</p>' for note in self.notes),
             _table(self.rows),
             '<p class="note">Steps are policy steps of 50 ms; contact force mean: over '
             "the control cycles in contact; peak: the largest of a try, its 95th "

@@ -1,6 +1,6 @@
 """Tries on a terminal: the bar while they run, the table when they are done."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 
 from rich.box import SIMPLE_HEAD
 from rich.console import Console
@@ -61,6 +61,12 @@ def _collect(
         for outcome in trials:
             outcomes.append(outcome)
             progress.update(bar, advance=1, done=sum(o.success for o in outcomes))
+
+
+def print_notes(notes: Iterable[str], console: Console) -> None:
+    """Print notes, each on a line of its own; an empty one is none."""
+    for note in filter(None, notes):
+        console.print(f"note: {note}", soft_wrap=True, highlight=False)
 
 
 def render_table(rows: Sequence[Row]) -> Table:

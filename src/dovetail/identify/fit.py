@@ -22,6 +22,9 @@ from rich.progress import (
 from dovetail.distribution import installed_version
 from dovetail.errors import ConfigError, LogError
 from dovetail.files import write_atomic
+from dovetail.identify.contact_estimate import ContactEstimate, with_contact
+from dovetail.identify.contact_friction import contact_friction
+from dovetail.identify.contact_log import load_contact
 from dovetail.identify.fit_folder import MODEL, SUMMARY, FitFolder
 from dovetail.identify.parameters import ParameterSet
 from dovetail.identify.population import (
@@ -107,6 +110,8 @@ class FitResult:
     """Parameters that were searched, with their start in the controller's model."""
     warnings: tuple[str, ...] = field(default=())
     """Warnings for a reader of the result."""
+    contact: tuple[ContactEstimate, ...] = field(default=())
+    """Contact parameters from the recording's slides; empty where it has none."""
 
 
 def fit(config: FitConfig, console: Console) -> FitResult:
@@ -156,6 +161,8 @@ def _fit(config: FitConfig, console: Console) -> FitResult:
         )
     recording = Recording.load(config.log)
     parameters = parameters.of_robot(recording.cell.robot)
+    slides = load_contact(config.log, recording.metadata)
+    contact = (contact_friction(slides),) if slides else ()
     settings = _settings(config, parameters, recording)
     folder = FitFolder.claim(config.out, settings, resume=config.resume)
     workers = os.cpu_count() or 1 if config.workers is None else config.workers
@@ -171,7 +178,8 @@ def _fit(config: FitConfig, console: Console) -> FitResult:
         vector, after = search.conclude()
     wall_time = time.monotonic() - begin + earlier
     warnings = _warnings(parameters, warm_start, vector, population.deaths)
-    model = parameters.to_model(vector, config.plant)
+    model = with_contact(parameters.to_model(vector, config.plant), contact)
+    model = model.on(recording.cell.robot)
     result = FitResult(
         _describe(model, recording, after),
         vector,
@@ -181,6 +189,7 @@ def _fit(config: FitConfig, console: Console) -> FitResult:
         wall_time,
         parameters,
         warnings,
+        contact,
     )
     _write(folder, parameters, warm_start, result, search.search.history, config)
     for warning in warnings:
@@ -370,6 +379,7 @@ def _write(
         f"# Parameters: {', '.join(parameters.names)}",
         f"# RMS error of the TCP on the log: {1e3 * result.rms_before:.3f} mm before, "
         f"{1e3 * result.rms_after:.3f} mm after; {result.evaluations} simulated logs",
+        *(f"# Contact: {estimate.sentence()}" for estimate in result.contact),
         "# No noise: it is a model to train in, not a twin to try on.",
     )
     text = "\n".join(comments) + "\n" + result.model.to_toml()
@@ -412,6 +422,7 @@ def _write(
                 "evaluations": result.evaluations,
                 "wall_time": result.wall_time,
                 "warnings": list(result.warnings),
+                "contact": [estimate.numbers() for estimate in result.contact],
             },
         }
     )

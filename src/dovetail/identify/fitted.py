@@ -7,6 +7,7 @@ from typing import Any, Self
 import numpy as np
 
 from dovetail.errors import LogError
+from dovetail.identify.contact_estimate import ContactEstimate
 from dovetail.identify.fit_folder import GENERATIONS, SUMMARY, read_summary
 from dovetail.identify.parameters import Parameter, ParameterSet
 from dovetail.identify.recording import Recording
@@ -41,6 +42,8 @@ class Fitted:
     """Search that found them."""
     warnings: tuple[str, ...]
     """Warnings of the fit."""
+    contact: tuple[ContactEstimate, ...]
+    """Contact parameters from the recording's slides; empty where it has none."""
     summary: dict[str, Any]
     """Everything that `fit.json` holds."""
 
@@ -90,6 +93,7 @@ class Fitted:
                 wall_time=float(result["wall_time"]),
             ),
             warnings=tuple(result["warnings"]),
+            contact=tuple(ContactEstimate(**one) for one in result.get("contact", [])),
             summary=summary,
         )
 

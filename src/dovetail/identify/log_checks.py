@@ -54,6 +54,16 @@ def require_numbers(path: Path, name: str, told: Any, count: int) -> Array:
     return values
 
 
+def find_gaps(time: Array, period: float) -> NDArray[np.bool_]:
+    """Return where cycles are missing after a row, shape (rows - 1,).
+
+    Args:
+        time: Of each cycle [s], shape (rows,).
+        period: Control period [s].
+    """
+    return np.abs(np.diff(time) - period) > GAP * period
+
+
 def require_gapless(path: Path, log: Array, period: float) -> None:
     """Refuse a log in which cycles are missing.
 
@@ -62,7 +72,7 @@ def require_gapless(path: Path, log: Array, period: float) -> None:
     """
     time = log[:, COLUMN["time"]]
     intervals = np.diff(time)
-    bad = np.abs(intervals - period) > GAP * period
+    bad = find_gaps(time, period)
     if bad.any():
         row = int(np.argmax(bad))
         raise LogError(

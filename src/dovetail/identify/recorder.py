@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from contextlib import closing
 from dataclasses import field, replace
 from datetime import UTC, datetime
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -27,8 +28,11 @@ from dovetail.envs.workspace import require_inside
 from dovetail.episode import Episode
 from dovetail.errors import ArmError, ConfigError
 from dovetail.files import require_writable, write_atomic
+from dovetail.identify.contact_recorder import record_contact
 from dovetail.identify.excitation import EXCITATION, EXCITED, excitation
+from dovetail.identify.gapless import play_gapless
 from dovetail.identify.measured_delay import measure_delay
+from dovetail.identify.plain_strip import plain_strips
 from dovetail.identify.recording import (
     DESCRIPTION,
     FORMAT,
@@ -41,7 +45,7 @@ from dovetail.identify.recording import (
 from dovetail.identify.starts import plan_starts, start_box
 from dovetail.options import Period, Placement
 from dovetail.plants.plant import COLUMN
-from dovetail.robots.find import find_robot
+from dovetail.robots.find import find_robot, whole_robot
 from dovetail.settings import settings
 from dovetail.tasks.fixture_pose import FixturePose
 from dovetail.tasks.options import option_types, require_apart
@@ -49,6 +53,7 @@ from dovetail.tasks.shipped import DEFAULT_ENV
 from dovetail.tasks.task import Task
 from dovetail.types import Array, Vec7
 from dovetail.workcell.cell_config import CellFile
+from dovetail.workcell.workcell import Workcell
 
 CONTACT_FORCE = 0.1
 """Contact force from which the held part counts as in contact [N]."""
@@ -61,11 +66,11 @@ class RecordedArmConfig:
     """The arm that moves."""
 
     arm: str = "twin:medium"
-    """Arm: mujoco, bullet, drake, twin:NAME, fri://HOST:PORT, grpc://HOST:PORT."""
+    """Arm: mujoco, bullet, drake, twin:NAME, fri://, franka:// or grpc://HOST."""
     period: Period = DEFAULT_PERIOD
     """Control period: 1ms, 2ms, 2.5ms or 5ms."""
     robot: str = USUAL.robot
-    """Robot, or MODULE:FUNCTION of your own."""
+    """Robot: a name, .urdf or .xml file, menagerie:NAME or MODULE:FUNCTION."""
     cell: CellFile = None
     """Cell file: table, tool, walls and fixture."""
 
@@ -81,7 +86,7 @@ class MotionsConfig:
     steps: int = 50
     """Policy steps of 50 ms of each."""
     f_scale: float = 8.0
-    """f* of X Y Z at action 1 [m/s2], for up to 0.2 m/s."""
+    """f* of X Y Z at action 1 [m/s2]."""
     force_damping: float = FORCE_DAMPING
     """Damping of X Y Z [1/s]."""
 
@@ -91,13 +96,15 @@ class RecordedTaskConfig:
     """Held part, and the fixture around it."""
 
     env: str = DEFAULT_ENV
-    """Task whose part is held: a Gymnasium id, or MODULE:ID of your own."""
+    """Task: an id, or MODULE:ID."""
     task_options: dict[str, Any] = field(default_factory=dict)
     """Fields of the task; left out, they are its own."""
     fixture: Placement = None
-    """Place of the fixture: x y z [m], yaw, perhaps tilts B C [rad]."""
+    """Place of the fixture: x y z [m], yaw, tilts B C [rad]."""
     allow_contact: bool = False
-    """Keep a sequence in which the held part touched something."""
+    """Keep a sequence with contact."""
+    contact: bool = False
+    """Slide the part on the fixture, too, for its friction."""
 
 
 @settings()
@@ -130,7 +137,6 @@ def record(
     _require_fixture(config, can_place=address.places_fixture)
     asked = None if config.period == DEFAULT_PERIOD else config.period
     task = replace(make_task(config.env, config.task_options), axes=EXCITED)
-    place = _place(task, config)
     settings = EnvConfig(
         robot=config.robot,
         cell=config.cell,
@@ -143,7 +149,9 @@ def record(
         **config.declared_errors(),
     )
     cell = task.workcell(find_robot(config.robot), config.cell)
+    place = _place(task, config, cell)
     box = start_box(cell, place.pose(), may_touch=config.allow_contact)
+    strips = plain_strips(task, cell, place.pose()) if config.contact else ()
     env = ContactEnv(task, config.arm, settings)
     with closing(env):
         _require_fixture(config, can_place=env.places_fixture)
@@ -156,13 +164,22 @@ def record(
             _begin(env, config.out, metadata, place, console)
         left = [n for n in range(count) if not sequence_path(config.out, n).is_file()]
         for number in track(left, f"recording {config.arm}", console=console):
-            _play(env, config, metadata, place, number, actions[number])
+            rows = actions[number]
+            episode = play_gapless(
+                partial(_play_once, env, config, metadata, place, number, rows),
+                lambda played: [played.data[:, COLUMN["time"]]],
+                env.arm.facts.period,
+                f"sequence {number}",
+            )
+            episode.save(sequence_path(config.out, number))
+        if strips:
+            record_contact(env, strips, place.pose(), config.out, metadata, console)
     return Recording.load(config.out)
 
 
-def _place(task: Task, config: RecordConfig) -> FixturePose:
+def _place(task: Task, config: RecordConfig, cell: Workcell) -> FixturePose:
     """Return where the fixture is, or is put."""
-    usual = usual_place(task, config.cell)
+    usual = usual_place(task, cell)
     if config.fixture is None:
         return usual
     return FixturePose.given(config.fixture, usual.facing)
@@ -192,7 +209,7 @@ def _describe(
         "format": FORMAT,
         "robot": facts.robot.name,
         "env_id": config.env,
-        "arm_model": config.robot,
+        "arm_model": whole_robot(config.robot),
         "task": str(env.axes),
         "period": facts.period,
         "fixture": list(place.numbers),
@@ -275,15 +292,15 @@ def _begin(
     write_atomic(folder / DESCRIPTION, json.dumps(metadata | facts, indent=1) + "\n")
 
 
-def _play(
+def _play_once(
     env: ContactEnv,
     config: RecordConfig,
     metadata: dict[str, Any],
     place: FixturePose,
     number: int,
     actions: Array,
-) -> None:
-    """Play one sequence and write its log."""
+) -> Episode:
+    """Play one sequence and return its log."""
     fixture, q_start = place.pose(), np.array(metadata["q_start"][number])
     seed = config.seed * 1000 + number
     env.reset(seed=seed, options={"fixture": fixture, "start": q_start})
@@ -305,7 +322,7 @@ def _play(
                 "contact",
             )
         episode.append(env.state.log, step, action, float(reward))
-    episode.save(sequence_path(config.out, number))
+    return episode
 
 
 def _contact(env: ContactEnv, force: float) -> str:

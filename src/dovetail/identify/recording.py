@@ -271,9 +271,10 @@ def _cell_file(metadata: dict[str, Any]) -> CellConfig | None:
         raise LogError(f"{DESCRIPTION} is damaged: {error}") from error
 
 
-def usual_place(task: Task, cell: CellConfig | None = None) -> FixturePose:
-    """Return where a task's fixture is while an arm is identified."""
-    return task.placed_in(cell, task.recording_pose or task.trial_poses[0])
+def usual_place(task: Task, cell: Workcell | None = None) -> FixturePose:
+    """Return where a task's fixture is while an arm is identified in a cell."""
+    own = task.recording_pose or task.trial_poses[0]
+    return own if cell is None else task.placed_in(cell, own)
 
 
 def _fixture(metadata: dict[str, Any]) -> Pose:

@@ -47,7 +47,7 @@ class LogReplay:
         self.engine = engine
         cell = recording.cell
         self._robot = cell.loaded_robot()
-        self._plant = make_twin(nominal_model(), cell, engine=engine)
+        self._plant = make_twin(nominal_model().on(cell.robot), cell, engine=engine)
         self._controller = make_controller(
             self._robot, *recording.settings(), recording.task, recording.period
         )

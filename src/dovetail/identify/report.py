@@ -19,6 +19,7 @@ from dovetail.control.period import DEFAULT_PERIOD
 from dovetail.distribution import installed_version
 from dovetail.errors import ConfigError
 from dovetail.files import claim_output_folder, write_atomic
+from dovetail.identify.contact_estimate import ContactEstimate
 from dovetail.identify.curves import curves
 from dovetail.identify.figures import (
     draw_after,
@@ -142,7 +143,7 @@ def write_identification_report(
             json.dumps(finite(content), indent=2, allow_nan=False) + "\n",
         ),
     ]
-    _print(comparisons, result, verdict, console)
+    _print(comparisons, result, fit.contact, verdict, console)
     return IdentificationReport(result, tuple(comparisons), verdict, tuple(files))
 
 
@@ -238,6 +239,7 @@ def _content(
         "verdict": asdict(verdict) | {"line": verdict.line},
         "errors": {c.log: c.numbers() for c in comparisons},
         "parameters": [e.numbers() for e in result.estimates],
+        "contact": [estimate.numbers() for estimate in fit.contact],
         "condition_number": result.condition_number,
         "sequences": result.sequences,
         "residual_rms": result.residual_rms,
@@ -283,6 +285,7 @@ def _to_html(
     ]
     fit = content["fit"]
     judged = [estimate.judgement.sentence for estimate in result.estimates]
+    judged += [ContactEstimate(**one).sentence() for one in content["contact"]]
     sentences = "\n".join(f"<li>{text(sentence)}.</li>" for sentence in judged)
     parts = [
         f"<h1>{text(content['title'])}</h1>",
@@ -351,6 +354,7 @@ def _short(value: float) -> str:
 def _print(
     comparisons: Sequence[Comparison],
     result: Identifiability,
+    contact: Sequence[ContactEstimate],
     verdict: Verdict,
     console: Console,
 ) -> None:
@@ -376,4 +380,6 @@ def _print(
     for estimate in result.estimates:
         if estimate.judgement.verdict != "known":
             console.print(f"- {estimate.judgement.sentence}", soft_wrap=True)
+    for one in contact:
+        console.print(f"- {one.sentence()}", soft_wrap=True)
     console.print(f"{verdict.line}: {verdict.sentence}", soft_wrap=True)

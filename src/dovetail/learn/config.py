@@ -21,7 +21,8 @@ from dovetail.learn.run_config import LengthConfig, RunsConfig
 from dovetail.learn.teaching_config import TeachingConfig
 from dovetail.learn.variation import VariationConfig
 from dovetail.options import option_words
-from dovetail.robots.find import find_robot
+from dovetail.plugins import is_robot_text
+from dovetail.robots.find import find_robot, robot_label
 from dovetail.search.script import SCRIPT_SETTINGS
 from dovetail.settings import defaults_of, fill_in, names_in, settings, values_of
 from dovetail.tasks.fixture_pose import FixturePose
@@ -243,7 +244,8 @@ class TrainConfig(
         """Fixed place of the fixture; None where each episode draws it."""
         if not self.fixed_goal:
             return None
-        usual = self.made_task().trial_poses_in(self.cell)[0]
+        task, robot = self.made_task(), find_robot(self.robot)
+        usual = task.trial_poses_in(task.workcell(robot, self.cell))[0]
         return FixturePose.given(self.fixture or usual.numbers, usual.facing)
 
     def for_seed(self, seed: int) -> Self:
@@ -318,5 +320,7 @@ def _flat(settings: dict[str, Any]) -> dict[str, Any]:
 
 
 def _short(value: Any) -> str:
+    if isinstance(value, str) and is_robot_text(value):
+        return f"{robot_label(value)}, read from a file"
     text = repr(value)
     return text if len(text) < 80 else f"{text[:77]}..."

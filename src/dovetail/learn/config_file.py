@@ -15,8 +15,9 @@ from dovetail.arms.address import parse_address
 from dovetail.envs.registered import task_class
 from dovetail.errors import ConfigError, did_you_mean
 from dovetail.learn.config import NOT_COMPARED, TrainConfig
-from dovetail.plugins import OPTIONS, require_trusted
+from dovetail.plugins import OPTIONS, is_read, require_trusted
 from dovetail.reading import read_toml
+from dovetail.robots.find import whole_robot
 from dovetail.settings import check_values, names_in, unknown_settings
 from dovetail.tasks.options import gather_options, option_types, require_types
 from dovetail.tasks.shipped import DEFAULT_ENV
@@ -106,6 +107,7 @@ def _read_table(path: Path) -> dict[str, Any]:
         raise ConfigError(f"there is no file {path}") from error
     except OSError as error:
         raise ConfigError(f"cannot read {path}: {error.strerror}") from error
+    table = _with_robot(table, path)
     for name in OPTIONS:
         if name in table:
             require_trusted(path, name, table[name], is_option=True)
@@ -118,6 +120,15 @@ def _read_table(path: Path) -> dict[str, Any]:
                 value=table[name],
             )
     return table
+
+
+def _with_robot(table: dict[str, Any], path: Path) -> dict[str, Any]:
+    """Return a table with the robot in the place of its file, which may lie beside."""
+    name = table.get("robot")
+    if not (isinstance(name, str) and is_read(name)):
+        return table
+    beside = path.parent / name
+    return table | {"robot": whole_robot(str(beside) if beside.is_file() else name)}
 
 
 def load_config(path: Path, arm: str | None = None, **changed: Any) -> TrainConfig:

@@ -2,10 +2,14 @@
 
 Three stages follow one another. While it learns, the rate of learning is the full one.
 When nearly all of the latest tries succeed, with their exploring noise, the rate falls:
-it settles. Then tests without that noise are made, on tries of their own, until one
-shows the success that was asked for. Up to the next test the rate falls again, from
-half: at the lowest it would stay as good as it is. If tries fail again, it learns at
-the full rate again.
+it settles. Then tests without that noise are made, on tries of their own. Up to the
+next test the rate falls again, from half: at the lowest it would stay as good as it is.
+If tries fail again, it learns at the full rate again.
+
+The run ends with the first test that proves the success that was asked for, by the
+lower end of its interval. Or it ends with the second in a row that shows it, by its
+rate alone, and is not better than the first: so good a policy may never prove it, and
+more training does not help. A test below that never ends a run; the steps do.
 
 All of this follows from the finished episodes, so that a resumed run, which reads them
 back, goes on in the same stage; where that is the last, with a test.
@@ -47,8 +51,11 @@ class EarlyStopping:
         self._recent: deque[int] = deque(maxlen=WINDOW)
         self._since: int | None = None
         self._tested: int | None = None
+        self._shown: int | None = None
         self.said = ""
         """The last test in words; empty before the first."""
+        self.end = ""
+        """Reason for which a test ended the run, in words; empty where none did."""
 
     def note(self, row: EpisodeRow) -> None:
         """Take in a finished episode; the first are not the learner's."""
@@ -61,7 +68,7 @@ class EarlyStopping:
         if self._since is None and success >= BEGIN:
             self._since = row.step
         elif success < LOST:
-            self._since = self._tested = None
+            self._since = self._tested = self._shown = None
 
     def rate(self, step: int) -> float:
         """Return the share of the learning rate at a step of the run [1]."""
@@ -83,20 +90,33 @@ class EarlyStopping:
         return [seeds[i : i + PORTION] for i in range(0, count, PORTION)]
 
     def is_passed(self, step: int, portions: Iterable[list[bool]]) -> bool:
-        """Judge a test; stop taking tries when it cannot be passed any more.
+        """Judge a test; stop taking tries when it can show nothing any more.
 
         Args:
             step: Of the run.
             portions: Success of each try, as many at a time as `seeds` gave.
+
+        Returns:
+            True if the run ends with it.
         """
-        self._tested = step
+        self._tested, before, self._shown = step, self._shown, None
+        asked = self._length.asked_success
         count, done, failed = self._length.test_episodes, 0, 0
         for portion in portions:
             done, failed = done + len(portion), failed + portion.count(False)
             self.said = f"test {done - failed}/{done}"
-            if wilson_interval(count - failed, count)[0] < self._length.asked_success:
+            if count - failed < asked * count:
                 return False
-        return True
+        succeeded = count - failed
+        if wilson_interval(succeeded, count)[0] >= asked:
+            self.end = f"{self.said} proves {100.0 * asked:g} %"
+        elif before is not None and succeeded <= before:
+            self.end = (
+                f"{self.said} after {before}/{count}, both {100.0 * asked:g} % or "
+                "more: more training does not help"
+            )
+        self._shown = succeeded
+        return self.end != ""
 
     def stage(self, step: int) -> str:
         """Say how far the run is from its end, in words."""

@@ -8,6 +8,8 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from dovetail.arms.address import parse_address
+from dovetail.envs.unwrapped import require_contact_env
+from dovetail.envs.workspace import require_drawn
 from dovetail.errors import ArmError, PlantError
 from dovetail.files import write_atomic
 from dovetail.interrupt import Interrupt, ends_whole
@@ -57,6 +59,8 @@ class TrainResult(NamedTuple):
     """Environment steps trained."""
     wall_time: float
     """Training time over all sittings [s]."""
+    end: str = ""
+    """Reason for which it ended, in words."""
 
 
 CUT_SHORT = "finishing this step, then a checkpoint is saved"
@@ -105,7 +109,16 @@ def train_one(
             report(summarise(rows, steps, 0.0)._replace(phase=phase))
             stage = stage_of(model.get_env())._replace(check=told.check)
             evaluation = _evaluate(policy, config, folder, stage)
-    return TrainResult(folder / RUN_POLICY, evaluation, steps, wall_time)
+    end = run.stop.end or _unproven(run.stop, config)
+    return TrainResult(folder / RUN_POLICY, evaluation, steps, wall_time, end)
+
+
+def _unproven(stop: EarlyStopping, config: TrainConfig) -> str:
+    """Say that the steps ended a run, and what its last test had shown."""
+    if config.asked_success == 1.0:
+        return "all steps, as asked"
+    shown = stop.said or "no test was due: too many tries failed"
+    return f"all steps; {shown}; more of them may help (--steps)"
 
 
 class Prepared(NamedTuple):
@@ -132,6 +145,9 @@ def prepared(config: TrainConfig) -> Iterator[Prepared]:
     start = load_start(config)  # and before the learning stack is, which takes seconds
     env = make_vec_env(config)
     try:
+        if config.fixed_place is None:
+            core = require_contact_env(env.envs[0])
+            require_drawn(core.task, core.cell, core.arm)
         stop = EarlyStopping(config)
         model = make_model(config, env, stop.rate)
         if start is not None or (config.pretrain and not config.has_teacher):

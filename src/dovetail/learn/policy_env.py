@@ -16,6 +16,8 @@ from dovetail.envs.registered import make, task_class
 from dovetail.errors import ConfigError, PolicyError
 from dovetail.learn.policy import Policy
 from dovetail.learn.spaces import require_spaces
+from dovetail.plugins import is_robot_text, require_unread
+from dovetail.robots.find import robot_label
 from dovetail.settings import names_in, values_of
 from dovetail.tasks.options import option_types, require_types
 from dovetail.workcell.cell_config import CellConfig, cell_of
@@ -88,6 +90,7 @@ def policy_settings(
             )
     shared = {name: env[name] for name in names_in(EnvOptions) if name in env}
     try:
+        require_unread("the policy's JSON file", "robot", env.get("robot"))
         if "cell" in shared:  # its content: a file must not name another
             shared["cell"] = cell_of(env["cell"])
         checked = values_of(EnvOptions(**shared))
@@ -194,6 +197,29 @@ def require_own_cell(
         f"the policy's file has a cell ({cell.describe()}), and the arm at {arm} may "
         "be a robot, whose walls and tool no policy may choose: say with --cell FILE "
         "which cell it is in"
+    )
+
+
+def require_own_robot(robot: object, arm: str | None, *, is_given: bool) -> None:
+    """Refuse to take a robot's limits and masses from a policy's file.
+
+    Args:
+        robot: The policy's: a name, or a robot's text.
+        arm: Address of the arm; None is a simulation of this process.
+        is_given: True if the user has said which robot it is.
+
+    Raises:
+        ConfigError: The file describes it, the arm may be a robot, and the user does
+            not.
+    """
+    if is_given or not (isinstance(robot, str) and is_robot_text(robot)):
+        return
+    if arm is None or not parse_address(arm).may_be_robot:
+        return
+    raise ConfigError(
+        f"the policy's file describes its own robot, {robot_label(robot)!r}, and the "
+        f"arm at {arm} may be a robot, whose limits and masses no policy may choose: "
+        "say with --robot which robot it is"
     )
 
 

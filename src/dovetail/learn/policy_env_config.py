@@ -25,7 +25,7 @@ class PolicyEnvConfig(EnvOptions):
     """Fields of the task; left out, they are its own."""
     task: str | None = None
     """Mode of each axis, as "XYZ:force A:pose BC:hold"; free is a fourth mode. Default
-    the environment's, for example "X:force A:pose YZBC:hold" for the rail clip."""
+    the environment's, for example "XY:force A:pose ZBC:hold" for the rail clip."""
 
     @cached_property
     def task_class(self) -> type[Task]:

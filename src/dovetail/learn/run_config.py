@@ -15,8 +15,8 @@ class LengthConfig:
     """Environment steps at most; see `until`."""
     until: Annotated[float | None, Range(0.0, 1.0, "1")] = None
     """Success that ends the run before `steps` [1]: 0.98, on an arm 1 (never).
-    It is the lower end of the Wilson 95 % interval over `test_episodes`. An arm's time
-    would go into the tests."""
+    A test of `test_episodes` proves it by the lower end of its Wilson 95 % interval. Or
+    two in a row show it, the second no better. An arm's time would go into tests."""
     test_episodes: Annotated[int, Range(1, 1e6, "episodes")] = 300
     """Episodes of a test, without exploration; see `until`."""
     settle: Annotated[int, Range(1, 1e9, "steps")] = 8000

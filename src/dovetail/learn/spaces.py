@@ -4,21 +4,28 @@ import math
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
+from dovetail.envs.observation import GROUPS
 from dovetail.envs.unwrapped import require_contact_env
 from dovetail.errors import PolicyError
+from dovetail.robots.find import DEFAULT_ROBOT, robot_label
 
 _PARTS = ("zero", "unit", "is_logarithmic")
 """Parts of the scaling, each with a number for every column."""
+
+_COUNTED = tuple(column.name for column in GROUPS["position"].columns)
+"""Columns that are counted from a task's zero."""
 
 
 def describe_spaces(env: Any) -> dict[str, Any]:
     """Return size and meaning of observation and action, for a policy's JSON file."""
     core = require_contact_env(env)
+    zero = {"zero_at": core.task.zero_at} if core.task.zero_at else {}
     return {
         "observation": {
             "size": int(env.observation_space.shape[0]),
             "columns": [list(column) for column in core.columns],
             "scaling": core.scaling.describe(),
+            **zero,
         },
         "action": {
             "size": int(env.action_space.shape[0]),
@@ -48,7 +55,7 @@ def require_spaces(metadata: Mapping[str, Any], env: Any) -> None:
             "and action mean (sections 'observation' and 'action'): export the policy "
             "again"
         ) from error
-    _require_same_columns(trained, here)
+    _require_same_columns(trained, here, _way_on(metadata, env))
     _require_same_axes(trained, here)
 
 
@@ -56,6 +63,7 @@ class _Spaces(NamedTuple):
     size: int
     columns: list[tuple[str, str]]
     scaling: dict[str, list[float]]
+    zero_at: str
     axes: list[str]
     scale: list[float]
 
@@ -68,10 +76,24 @@ def _read(described: Mapping[str, Any]) -> _Spaces:
     scaling = {part: [float(x) for x in parts[part]] for part in parts}
     axes = [str(axis) for axis in action["axes"]]
     scale = [float(value) for value in action["scale"]]
-    return _Spaces(int(seen["size"]), columns, scaling, axes, scale)
+    zero_at = str(seen.get("zero_at", ""))
+    return _Spaces(int(seen["size"]), columns, scaling, zero_at, axes, scale)
 
 
-def _require_same_columns(trained: _Spaces, here: _Spaces) -> None:
+def _way_on(metadata: Mapping[str, Any], env: Any) -> str:
+    """Say what to do where a column is scaled in another way: it may be the robot's."""
+    robot = require_contact_env(env).config.robot
+    trained = metadata.get("env", {}).get("robot", DEFAULT_ROBOT)
+    if robot == trained:
+        return "use the arm and the task that it was trained for, or train it anew"
+    return (
+        f"it was trained with the robot {robot_label(str(trained))}, and here is "
+        f"{robot_label(robot)}: take a policy that was trained with this one (dovetail "
+        "train --robot), or leave --robot out"
+    )
+
+
+def _require_same_columns(trained: _Spaces, here: _Spaces, way_on: str) -> None:
     pairs = zip(trained.columns, here.columns, strict=False)
     for i, ((name, unit), (new_name, new_unit)) in enumerate(pairs):
         if (name, unit) != (new_name, new_unit):
@@ -81,16 +103,19 @@ def _require_same_columns(trained: _Spaces, here: _Spaces) -> None:
                 "the task that it was trained for"
             )
     _require_count("columns of one observation", trained.columns, here.columns)
+    # Counted from one place, a height is the same number over any goal.
+    is_same_place = here.zero_at != "" and here.zero_at == trained.zero_at
     for part, values in here.scaling.items():
         _require_count(part.replace("_", " "), trained.scaling[part], values)
         for i, (old, new) in enumerate(zip(trained.scaling[part], values, strict=True)):
             column, unit = here.columns[i]
+            if is_same_place and part == "zero" and column in _COUNTED:
+                continue
             if not _is_close(old, new):
                 raise PolicyError(
                     f"the observation's column {column} is scaled in another way than "
                     f"in the policy's training: {part.replace('_', ' ')} is {new:g} "
-                    f"{unit} here and was {old:g}; use the arm and the task that it "
-                    "was trained for, or train it anew"
+                    f"{unit} here and was {old:g}; {way_on}"
                 )
     if trained.size != here.size:
         raise PolicyError(

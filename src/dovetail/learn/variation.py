@@ -1,5 +1,6 @@
 """Differences between the episodes of a training that the policy does not know."""
 
+from functools import cached_property
 from itertools import product
 from typing import Annotated, Any
 
@@ -10,6 +11,7 @@ from dovetail.errors import ConfigError
 from dovetail.learn.policy_env_config import PolicyEnvConfig
 from dovetail.settings import Range, settings
 from dovetail.tasks.options import parse_values
+from dovetail.tasks.task import Task
 from dovetail.trackers.find import DEFAULT_TRACKER
 
 
@@ -19,8 +21,8 @@ class VariationConfig(PolicyEnvConfig):
 
     vary: str | None = None
     """Option of the task and a value for each environment in turn, NAME=A,B.
-    Of several, NAME=A,B&NAME=C,D, every pair in turn. The policy's file names the
-    values that the task has."""
+    Of several, NAME=A,B&NAME=C,D, every pair in turn. Of parts, part=FOLDER is every
+    part in a folder. The policy's file names the values that the task has."""
     doubt: Annotated[float, Range(0.0, 0.05, "m")] = 0.0
     """Largest distance of the fixture from where it is believed [m]. It is
     drawn for each episode. Reward and success use the true place, the policy cannot.
@@ -34,7 +36,7 @@ class VariationConfig(PolicyEnvConfig):
 
     def kinds(self, num_envs: int) -> NDArray[np.float32]:
         """Return which values each environment has, a one among zeros in each row."""
-        count = len(self._varied())
+        count = len(self._varied)
         kinds = np.eye(count, dtype=np.float32)[np.arange(num_envs) % count]
         return kinds if count > 1 else kinds[:, :0]
 
@@ -54,7 +56,7 @@ class VariationConfig(PolicyEnvConfig):
                 f"doubt_turn is {self.doubt_turn:g} rad and doubt 0 m: give the "
                 "largest distance, too, --doubt 0.005 for example"
             )
-        varied = self._varied()
+        varied = self._varied
         if len(varied) > num_envs:
             names = " and ".join(varied[0])
             raise ConfigError(
@@ -68,18 +70,32 @@ class VariationConfig(PolicyEnvConfig):
         if self.doubt > 0.0:
             doubt = f"doubt={self.doubt}&turn={self.doubt_turn}"
             options["tracker"] = f"covered?{doubt}"
-        values = self._varied()
+        values = self._varied
         return options | values[index % len(values)]
 
+    @cached_property
     def _varied(self) -> list[dict[str, Any]]:
         """Return every set of values; the option that is given first changes first."""
         given = [] if self.vary is None else self.vary.split("&")
-        parts = [parse_values(text, self.task_class) for text in given]
-        names = [name for name, _ in reversed(parts)]
-        if len(set(names)) < len(names):
-            raise ConfigError(
-                f"vary names an option twice: {self.vary!r}; give all its values to "
-                "one, NAME=A,B,C"
-            )
-        values = product(*(values for _, values in reversed(parts)))
-        return [dict(zip(names, each, strict=True)) for each in values]
+        return varied_values(given, self.task_class)
+
+
+def varied_values(given: list[str], task: type[Task]) -> list[dict[str, Any]]:
+    """Return every set of values; the option that is given first changes first.
+
+    Args:
+        given: NAME=A,B of each option.
+        task: Whose options they are.
+
+    Raises:
+        ConfigError: No such option, one twice, or a value that is not of its type.
+    """
+    parts = [parse_values(text, task) for text in given]
+    names = [name for name, _ in reversed(parts)]
+    if len(set(names)) < len(names):
+        raise ConfigError(
+            f"vary names an option twice: {'&'.join(given)!r}; give all its values to "
+            "one, NAME=A,B,C"
+        )
+    values = product(*(values for _, values in reversed(parts)))
+    return [task.whole(dict(zip(names, each, strict=True))) for each in values]

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from dovetail.plants.bullet_world import BulletWorld, xyzw
-from dovetail.plants.dry_friction import dry_friction
 from dovetail.poses import Pose, matrix_from_quat, quat_from_matrix
 from dovetail.types import Array, Mat33, Vec3
 from dovetail.workcell.joints import Joint
@@ -22,6 +21,10 @@ if TYPE_CHECKING:
 
 _AHEAD = 1e-5
 """Time over which the Jacobian's change is measured [s]."""
+_SLIDER = 1e-3
+"""Share of a screw's mass that its sliding link has."""
+_GEAR_ERP, _GEAR_FORCE = 0.2, 1e6
+"""Share of a screw's slip that a step takes back, and the most it does [N]."""
 AT_STOP = {"slide": 1e-4, "hinge": 1e-3}
 """Distance from a stop in which its force is looked for [m, rad]."""
 
@@ -51,7 +54,11 @@ def round_inertia(inertia: Mat33, axis: Vec3) -> Mat33:
 
 
 class FixturePiece:
-    """A moving piece of the fixture: a fixed base with one link."""
+    """A moving piece of the fixture: a fixed base with one link.
+
+    A screw has two: one that slides, with a thousandth of the mass, and on it the
+    piece, which turns. Bullet's solver of contacts keeps their ratio, as of two gears.
+    """
 
     def __init__(
         self, bullet: Any, client: int, piece: Moving, fixture: Pose, apart: list[int]
@@ -66,46 +73,72 @@ class FixturePiece:
             apart: Bodies that it passes through.
         """
         self._bullet, self._client = bullet, client
-        self.joint, self._own = piece.joint, piece.inertia()
+        self.joint = piece.joint
         self._mass, com, inertia = mass_centre_inertia(piece.primitives)
         joint = self.joint
         still = Pose(-joint.origin, np.array([1.0, 0.0, 0.0, 0.0]))
         shapes = [s.moved(*still) for s in piece.primitives]
-        kind = {"slide": bullet.JOINT_PRISMATIC, "hinge": bullet.JOINT_REVOLUTE}
+        kinds = [
+            bullet.JOINT_PRISMATIC if joint.kind == "slide" else bullet.JOINT_REVOLUTE
+        ]
         frame = axis_frame(joint.axis)
+        shape = BulletWorld(bullet, client).add_shapes(shapes)
+        before = 1 if joint.lead else 0
+        self._link = before
+        self._slider = _SLIDER * self._mass * before
+        zeros, upright = [[0.0] * 3] * before, [[0.0, 0.0, 0.0, 1.0]] * before
         self.body = bullet.createMultiBody(
             baseMass=0.0,
             basePosition=list(fixture.position),
             baseOrientation=xyzw(fixture.quat_wxyz),
-            linkMasses=[self._mass],
-            linkCollisionShapeIndices=[BulletWorld(bullet, client).add_shapes(shapes)],
-            linkVisualShapeIndices=[-1],
-            linkPositions=[joint.origin.tolist()],
-            linkOrientations=[[0.0, 0.0, 0.0, 1.0]],
-            linkInertialFramePositions=[(com - joint.origin).tolist()],
-            linkInertialFrameOrientations=[xyzw(quat_from_matrix(frame))],
-            linkParentIndices=[0],
-            linkJointTypes=[kind[joint.kind]],
-            linkJointAxis=[joint.axis.tolist()],
+            linkMasses=[self._slider] * before + [self._mass - self._slider],
+            linkCollisionShapeIndices=[-1] * before + [shape],
+            linkVisualShapeIndices=[-1] * (before + 1),
+            linkPositions=[*zeros, joint.origin.tolist()],
+            linkOrientations=[*upright, [0.0, 0.0, 0.0, 1.0]],
+            linkInertialFramePositions=[*zeros, (com - joint.origin).tolist()],
+            linkInertialFrameOrientations=[*upright, xyzw(quat_from_matrix(frame))],
+            linkParentIndices=list(range(before + 1)),
+            linkJointTypes=[bullet.JOINT_PRISMATIC] * before + kinds,
+            linkJointAxis=[joint.axis.tolist()] * (before + 1),
             physicsClientId=client,
         )
         self._about = float(joint.axis @ inertia @ joint.axis)
         self._across = float(np.trace(inertia) - self._about) / 2.0
-        bullet.changeDynamics(
-            self.body, 0, linearDamping=0.0, angularDamping=0.0, jointDamping=0.0,
-            lateralFriction=1.0, physicsClientId=client,
-        )  # fmt: skip
-        set_stops(bullet, client, self.body, 0, joint)
-        bullet.setJointMotorControl2(
-            self.body, 0, bullet.VELOCITY_CONTROL, force=0.0, physicsClientId=client
-        )
+        for link in range(before + 1):
+            bullet.changeDynamics(
+                self.body, link, linearDamping=0.0, angularDamping=0.0,
+                jointDamping=0.0, lateralFriction=1.0, physicsClientId=client,
+            )  # fmt: skip
+            bullet.setJointMotorControl2(
+                self.body, link, bullet.VELOCITY_CONTROL, force=0.0,
+                physicsClientId=client,
+            )  # fmt: skip
+        set_stops(bullet, client, self.body, self._link, joint)
         for other in apart:
             for link in range(-1, bullet.getNumJoints(other, physicsClientId=client)):
                 bullet.setCollisionFilterPair(
-                    self.body, other, 0, link, 0, physicsClientId=client
+                    self.body, other, self._link, link, 0, physicsClientId=client
                 )
-        bullet.resetJointState(self.body, 0, joint.start, physicsClientId=client)
+        if joint.lead:
+            self._couple(joint.lead)
+        bullet.resetJointState(
+            self.body, self._link, joint.start, physicsClientId=client
+        )
         self._added = -1.0
+
+    def _couple(self, lead: float) -> None:
+        """Let the piece slide as it turns."""
+        p, client, way = self._bullet, self._client, self.joint.start * lead
+        p.resetJointState(self.body, 0, way, physicsClientId=client)
+        gear = p.createConstraint(
+            self.body, 0, self.body, 1, p.JOINT_GEAR,
+            self.joint.axis.tolist(), [0.0] * 3, [0.0] * 3, physicsClientId=client,
+        )  # fmt: skip
+        p.changeConstraint(
+            gear, gearRatio=-lead, relativePositionTarget=0.0, erp=_GEAR_ERP,
+            maxForce=_GEAR_FORCE, physicsClientId=client,
+        )  # fmt: skip
 
     def move(self, fixture: Pose) -> None:
         """Put its part somewhere at once."""
@@ -116,7 +149,9 @@ class FixturePiece:
 
     def state(self) -> tuple[float, float]:
         """Return position and velocity [rad, m and per s]."""
-        state = self._bullet.getJointState(self.body, 0, physicsClientId=self._client)
+        state = self._bullet.getJointState(
+            self.body, self._link, physicsClientId=self._client
+        )
         return state[0], state[1]
 
     def drive(self, h: float, gravity: Vec3) -> None:
@@ -128,24 +163,17 @@ class FixturePiece:
         if added != self._added:
             self._set_inertia(added)
         force = joint.law.force(q) - damping * dq
-        link = p.getLinkState(self.body, 0, physicsClientId=client)
-        centre, origin = np.array(link[0]), np.array(link[4])
-        x, y, z, w = link[5]
-        axis = matrix_from_quat(np.array([w, x, y, z])) @ joint.axis
-        weight = self._mass * gravity
         if joint.kind == "slide":
+            x, y, z, w = p.getLinkState(self.body, 0, physicsClientId=client)[5]
+            axis = matrix_from_quat(np.array([w, x, y, z])) @ joint.axis
             force -= added * float(axis @ gravity)  # Bullet lets the added mass fall
-            own = force + float(axis @ (weight + added * gravity))
-        else:
-            own = force + float(axis @ np.cross(centre - origin, weight))
-        if joint.friction:
-            own += self._contact(axis, origin)
-            M = np.array([[self._own + h * damping]])
-            free = np.array([dq + h * own / M[0, 0]])
-            limit = np.array([joint.friction])
-            force += float(dry_friction(1.0 / M, free, limit, h)[0])
+        if joint.friction:  # a motor to rest, solved together with contacts and stops
+            p.setJointMotorControl2(
+                self.body, self._link, p.VELOCITY_CONTROL, force=joint.friction,
+                physicsClientId=client,
+            )  # fmt: skip
         p.setJointMotorControl2(
-            self.body, 0, p.TORQUE_CONTROL, force=force, physicsClientId=client
+            self.body, self._link, p.TORQUE_CONTROL, force=force, physicsClientId=client
         )
 
     def _set_inertia(self, added: float) -> None:
@@ -154,18 +182,11 @@ class FixturePiece:
         about = self._about + (0.0 if is_slide else added)
         self._bullet.changeDynamics(
             self.body,
-            0,
-            mass=self._mass + (added if is_slide else 0.0),
+            self._link,
+            mass=self._mass - self._slider + (added if is_slide else 0.0),
             localInertiaDiagonal=[self._across, self._across, about],
             physicsClientId=self._client,
         )
-
-    def _contact(self, axis: Vec3, origin: Vec3) -> float:
-        """Return the last step's contact force at the joint [Nm, N]."""
-        points = self._bullet.getContactPoints(
-            bodyA=self.body, physicsClientId=self._client
-        )
-        return sum(at_joint(self.joint, axis, origin, *contact(p)) for p in points)
 
 
 def contact(point: Any) -> tuple[Vec3, Vec3]:
@@ -177,7 +198,9 @@ def contact(point: Any) -> tuple[Vec3, Vec3]:
 
 def at_joint(joint: Joint, axis: Vec3, origin: Vec3, f: Vec3, at: Vec3) -> float:
     """Return what a force does at a joint [Nm, N], all in world axes."""
-    return float(axis @ (f if joint.kind == "slide" else np.cross(at - origin, f)))
+    if joint.kind == "slide":
+        return float(axis @ f)
+    return float(axis @ (np.cross(at - origin, f) + joint.lead * f))
 
 
 class _Place(NamedTuple):

@@ -87,6 +87,12 @@ class BulletPlant:
                 f"{cell.name}: a convex mesh carries a 1 mm margin in PyBullet, more "
                 "than a clearance; use plant 'mujoco', or boxes and cylinders"
             )
+        if screw := next((m for m in cell.held.moving if m.joint.lead), None):
+            raise ConfigError(
+                f"plant 'bullet' cannot hold the screw {screw.joint.name!r} of "
+                f"{cell.held.name}: it builds screws on a fixture only; use plant "
+                "'mujoco' or 'drake'"
+            )
         self._bullet = _import_pybullet()
         from dovetail import _core
 

@@ -317,6 +317,9 @@ class _World:
         self._steps = 0
         self._torques = plant.get_applied_generalized_force_input_port()
         self._results = plant.get_contact_results_output_port()
+        self._pressed = plant.get_generalized_contact_forces_output_port(
+            self._joints[0].model_instance()
+        )
 
     def _transform(self, position: Array, rotation: Array) -> Any:
         drake = self._drake
@@ -433,9 +436,16 @@ class _World:
                 )
             )
         ]
-        kind = {"slide": drake.PrismaticJoint, "hinge": drake.RevoluteJoint}[joint.kind]
         about = joint.axis, *joint.stops, joint.damping
-        added = plant.AddJoint(kind(joint.name, *frames, *about))
+        if joint.kind == "slide":
+            made = drake.PrismaticJoint(joint.name, *frames, *about)
+        elif joint.kind == "hinge":
+            made = drake.RevoluteJoint(joint.name, *frames, *about)
+        else:
+            turn = joint.axis, joint.pitch, joint.damping
+            made = drake.ScrewJoint(joint.name, *frames, *turn)
+            made.set_position_limits(*([stop] for stop in joint.stops))
+        added = plant.AddJoint(made)
         motor = plant.AddJointActuator(f"{joint.name}_inertia", added)
         motor.set_default_rotor_inertia(joint.armature)
         motor.set_default_gear_ratio(1.0)
@@ -531,8 +541,10 @@ class _World:
         bias = plant.CalcBiasTerm(own) - plant.CalcGravityGeneralizedForces(own)
         bias = bias[order]
         Minv = np.linalg.inv(M)
-        a = Minv @ (tau - bias - self._damping * dq)
-        return dry_friction(Minv, dq + h * a, coulomb, h)
+        force = tau - bias - self._damping * dq
+        if len(force) > 7:  # the contact of the step before, on parts
+            force[7:] += self._pressed.Eval(own)[order[7:]]
+        return dry_friction(Minv, dq + h * (Minv @ force), coulomb, h)
 
     def advance(self, tau: Array) -> None:
         """Hold joint torques [Nm, N] for a step."""

@@ -1,12 +1,15 @@
 """Write robot, tool, fixture and table as one MuJoCo model (MJCF)."""
 
 import xml.etree.ElementTree as ET
+from collections.abc import Sequence
 
 import numpy as np
 
 from dovetail.poses import quat_from_matrix, quat_multiply
 from dovetail.robots.drawn import Drawn, add_geom, add_mesh
 from dovetail.robots.robot import Robot
+from dovetail.types import Array
+from dovetail.workcell.joints import Joint
 from dovetail.workcell.parts import Moving, Primitive, mass_centre_inertia
 from dovetail.workcell.workcell import Workcell
 
@@ -79,12 +82,41 @@ def build_mjcf(robot: Robot, cell: Workcell, *, visual_meshes: bool = False) -> 
     _add_tool(_add_links(world, robot, looks), robot, cell, looks)
     if cell.fixture.moving:
         _add_fixture(world, cell)
+    _couple(root, cell.joints)
     return ET.tostring(root, encoding="unicode")
 
 
 def joint_name(name: str) -> str:
     """Return the model's name of a part's joint, and of the body that it moves."""
     return f"part_{name}"
+
+
+def way_name(name: str) -> str:
+    """Return the model's name of the slide along which a screw goes."""
+    return f"way_{name}"
+
+
+def turns(joints: Sequence[Joint]) -> list[int]:
+    """Return where the positions of parts' joints are in those of the model.
+
+    A screw has two, one after the other: its turn, and its way along the axis.
+    """
+    widths = [2 if joint.lead else 1 for joint in joints]
+    return [7 + sum(widths[:i]) for i in range(len(joints))]
+
+
+def model_positions(q: Array, joints: Sequence[Joint], parts: Array) -> Array:
+    """Return the positions of the model.
+
+    Args:
+        q: Of the arm's joints [rad].
+        joints: Of the parts.
+        parts: Their positions [rad, m].
+    """
+    found = list(q)
+    for joint, at in zip(joints, parts, strict=True):
+        found += [at, joint.lead * at] if joint.lead else [at]
+    return np.array(found)
 
 
 def _add_fixture(world: ET.Element, cell: Workcell) -> None:
@@ -109,11 +141,32 @@ def _add_moving(
     facts = {"mass": f"{mass:.17g}", "fullinertia": _numbers(full)}
     ET.SubElement(moved, "inertial", facts, pos=_numbers(com))
     about = {"pos": _numbers(joint.origin), "axis": _numbers(joint.axis)}
-    ET.SubElement(
-        moved, "joint", about, name=name, type=joint.kind, range=_numbers(joint.stops)
-    )
+    kind = "slide" if joint.kind == "slide" else "hinge"
+    stops = _numbers(joint.stops)
+    ET.SubElement(moved, "joint", about, name=name, type=kind, range=stops)
+    if joint.lead:
+        ET.SubElement(moved, "joint", about, name=way_name(joint.name), type="slide")
     for part in piece.primitives:
         _add_part(moved, part, group)
+
+
+def _couple(root: ET.Element, joints: Sequence[Joint]) -> None:
+    """Let each screw go along its axis as it turns."""
+    screws = [joint for joint in joints if joint.lead]
+    if not screws:
+        return
+    flag = root.find("option/flag")
+    assert flag is not None
+    flag.set("equality", "enable")
+    equality = ET.SubElement(root, "equality")
+    for joint in screws:
+        ET.SubElement(
+            equality,
+            "joint",
+            joint1=joint_name(joint.name),
+            joint2=way_name(joint.name),
+            polycoef=_numbers((0.0, 1.0 / joint.lead, 0.0, 0.0, 0.0)),
+        )
 
 
 class _Looks:

@@ -8,7 +8,13 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from dovetail.errors import PlantError
-from dovetail.plants.mjcf import build_mjcf, in_last_link, joint_name
+from dovetail.plants.mjcf import (
+    build_mjcf,
+    in_last_link,
+    joint_name,
+    model_positions,
+    turns,
+)
 from dovetail.plants.plant import (
     CYCLE_COLUMNS,
     DynamicsConfig,
@@ -33,6 +39,10 @@ _SOFTNESS = 0.3
 """Softness of contacts of the parts' pieces over MuJoCo's, which is for their mass: at
 1, 7 N pressed a button of 6 g in by 40 um; at 0.1, a cylinder of 100 g rattled on the
 tool with peaks of 13 N."""
+
+_THREAD = 0.01
+"""Softness of a screw's friction and stops over MuJoCo's, which is for its inertia: at
+1, a nut of 12 g that its friction should hold crept by 0.15 rad/s under 100 N."""
 
 
 def _library_path(mujoco: Any) -> str:
@@ -99,6 +109,10 @@ class MujocoPlant:
         ]
         self._moving_mass = self.model.body_mass[self._moving].copy()
         self._moving_inertia = self.model.body_inertia[self._moving].copy()
+        self._turns = turns(cell.joints)
+        self._screws = [
+            at for at, j in zip(self._turns, cell.joints, strict=True) if j.lead
+        ]
         self._is_compensated: bool | None = None  # None: there is no loop yet
         self.configure(dynamics or DynamicsConfig.of_robot(cell.robot))
 
@@ -137,13 +151,19 @@ class MujocoPlant:
         model.opt.gravity[:] = np.add(GRAVITY, dynamics.gravity_residual)
         self._mujoco.mj_resetData(model, self.data)
         self._configure_parts()
-        self._mujoco.mj_setConst(model, self.data)
-        model.body_invweight0[self._moving] *= _SOFTNESS
+        self._set_constants()
         self._is_ready = False
         self._period = math.nan  # that the physics step is made for: none yet
         if self._is_compensated != dynamics.gravity_compensation:
             self._is_compensated = dynamics.gravity_compensation
             self._loop = self._make_loop()
+
+    def _set_constants(self) -> None:
+        """Compute what follows from masses and places; set softness of pieces."""
+        model = self.model
+        self._mujoco.mj_setConst(model, self.data)
+        model.body_invweight0[self._moving] *= _SOFTNESS
+        model.dof_invweight0[self._screws] *= _THREAD
 
     def _configure_parts(self) -> None:
         """Set what a mass scale and hard stops make of the parts' joints."""
@@ -152,7 +172,7 @@ class MujocoPlant:
         scale[: len(self.cell.held.moving)] = self.dynamics.mass_scale[6]
         model.body_mass[self._moving] = self._moving_mass * scale
         model.body_inertia[self._moving] = self._moving_inertia * scale[:, None]
-        for dof, joint in enumerate(self.cell.joints, start=7):
+        for dof, joint in zip(self._turns, self.cell.joints, strict=True):
             model.dof_frictionloss[dof] = joint.friction
             model.dof_armature[dof] = joint.armature
             for solref, solimp in (
@@ -160,6 +180,7 @@ class MujocoPlant:
                 (model.jnt_solref, model.jnt_solimp),
             ):
                 solref[dof], solimp[dof] = _HARD
+        model.eq_solref[:], model.eq_solimp[:] = _HARD
 
     def _make_loop(self) -> "_core.MujocoLoop":
         """Build the control loop over the model; its channel starts anew."""
@@ -174,7 +195,13 @@ class MujocoPlant:
             )
         except RuntimeError as error:
             raise PlantError(str(error)) from error
-        loop.set_part_joints([joint.law for joint in self.cell.joints])
+        none = self._core.PartJoint(
+            stiffness=0.0, rest=0.0, damping=0.0, armature=0.0, detents=[]
+        )
+        laws = [none] * (self.model.nq - 7)  # also of the way of a screw
+        for at, joint in zip(self._turns, self.cell.joints, strict=True):
+            laws[at - 7] = joint.law
+        loop.set_part_joints(laws)
         return loop
 
     def attach_channel(self, channel: "_core.Channel") -> None:
@@ -199,7 +226,8 @@ class MujocoPlant:
         data = self.data
         self.open_brakes()
         self._mujoco.mj_resetData(self.model, data)
-        data.qpos[:7], data.qpos[7:] = q, self.cell.joint_starts
+        joints, starts = self.cell.joints, self.cell.joint_starts
+        data.qpos[:] = model_positions(q, joints, starts)
         data.mocap_pos[0] = fixture.position
         data.mocap_quat[0] = fixture.quat_wxyz
         self._loop.reset()
@@ -236,8 +264,7 @@ class MujocoPlant:
         for body in self._moving[: len(self.cell.held.moving)]:
             model.body_pos[body], model.body_quat[body] = compose(flange, slipped)
             model.body_sameframe[body] = 0
-        self._mujoco.mj_setConst(model, self.data)  # the boxes of the mid-phase
-        model.body_invweight0[self._moving] *= _SOFTNESS
+        self._set_constants()  # the boxes of the mid-phase, too
         self._is_ready = False
 
     def push(self, force: Vec3) -> None:
@@ -378,7 +405,7 @@ class MujocoPlant:
 
     def part_positions(self) -> Array:
         """Return the true positions of the parts' joints [rad, m]."""
-        return self.data.qpos[7:].copy()
+        return self.data.qpos[self._turns]
 
     def contact_force(self) -> Vec3:
         """Return the force on the tool in the last physics step [N], world."""

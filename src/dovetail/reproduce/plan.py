@@ -21,6 +21,7 @@ from dovetail.reproduce.folder import FIT, RECORDING, RUN, TRAIN, stage_path, tw
 from dovetail.reproduce.paper import TRANSFER
 from dovetail.tasks.options import gather_options
 from dovetail.tasks.peg_in_hole.task import PegInHole
+from dovetail.tasks.rail_clip.task import RailClip
 
 _STEP = 1.0 / 550.0
 """About how long a training step takes on a core [s], and its share of an episode."""
@@ -40,6 +41,9 @@ ARM = "medium"
 """Shipped twin behind the cabinet that policies are trained on over FRI."""
 ONE_HOLE = (0.60, 0.0, 0.10, 0.0)
 """Place of the hole in the trainings over FRI: x y z [m], yaw [rad]."""
+CLIP_ENV = "dovetail/RailClip-v0"
+CLIP = "train-rail-clip"
+"""Stage of the training for the paper's second task."""
 SCRATCH = "train-on-arm"
 """Stage of the training from nothing on the arm."""
 STANDARD: dict[str, Any] = {
@@ -140,7 +144,8 @@ def plan(design: Design) -> tuple[Stage, ...]:
     for row in TRANSFER:
         for trial in () if row.is_on_arm else design.paper_trials(row.stack, row.peg):
             add(_training(design, trial.training), _trying(design, trial))
-    add(*_script(design), *_learners(design), *_on_arm(design), *_robustness(design))
+    add(*_script(design), *_clip(design), *_learners(design))
+    add(*_on_arm(design), *_robustness(design))
     return tuple(stages.values())
 
 
@@ -152,6 +157,11 @@ def fit_name(twin: str, parameters: str) -> str:
 def script_name(twin: str) -> str:
     """Return the name of the script's tries on a twin."""
     return f"try-script-on-{twin}"
+
+
+def clip_name(twin: str) -> str:
+    """Return the name of the rail clip's tries on a twin."""
+    return f"try-rail-clip-on-{twin}"
 
 
 def learner_name(learner: str, seed: int) -> str:
@@ -216,7 +226,8 @@ def _train_settings(budget: Budget, **changes: Any) -> dict[str, Any]:
     """Return all settings of a training, defaults included, as its file has them."""
     chosen = {"until": 1.0, **changes, **budget.train}
     given = {k: tuple(v) if isinstance(v, list) else v for k, v in chosen.items()}
-    settings = TrainConfig(**gather_options(given, PegInHole)).to_json()
+    task = RailClip if given.get("env") == CLIP_ENV else PegInHole
+    settings = TrainConfig(**gather_options(given, task)).to_json()
     left_out = (*NOT_COMPARED, *(("arm", "plant") if "arm" in given else ()))
     return {
         name: value
@@ -307,6 +318,22 @@ def _script(design: Design) -> Iterator[Stage]:
             search="corner",
             **_search_length(design.budget),
         )
+
+
+def _clip(design: Design) -> Iterator[Stage]:
+    """The rail clip, trained in the nominal simulation and tried on every twin."""
+    settings = _train_settings(
+        design.budget, env=CLIP_ENV, seed=design.seed, **RailClip.training
+    )
+    yield Stage(
+        name=CLIP,
+        rule="train",
+        options={"config": stage_path(CLIP) / TRAIN},
+        settings=settings,
+        expected=_START + _STEP * settings["steps"],
+    )
+    for twin in design.twins:
+        yield _evaluation(clip_name(twin), CLIP, twin, design.budget.tries)
 
 
 def _search_length(budget: Budget) -> dict[str, Any]:

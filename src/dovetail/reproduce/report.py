@@ -124,6 +124,7 @@ def all_tables(gathered: Gathered) -> list[Tabular]:
         tables.answer_table(gathered.answers)._replace(note=_HOW),
         *(tables.cell_table(gathered, law) for law in LAWS),
         tables.paper_table(gathered),
+        tables.clip_table(gathered),
         tables.learner_table(gathered.learners),
         tables.arm_table(gathered),
         tables.fit_table(gathered),

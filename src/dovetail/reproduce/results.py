@@ -41,6 +41,7 @@ from dovetail.reproduce.plan import (
     SCRATCH,
     SETS,
     arm_name,
+    clip_name,
     fit_name,
     learner_name,
     robustness_cases,
@@ -121,6 +122,8 @@ class Gathered(NamedTuple):
     cells: list[Cell]
     script: Tries | None
     """The scripted search on all twins."""
+    clip: list[Tries]
+    """The rail clip, on each twin that is done."""
     answers: list[Answer]
     paper: list[tuple[PaperRow, Tries | None]]
     learners: list[Learned]
@@ -147,6 +150,7 @@ def gather(root: Path, design: Design) -> Gathered:
     return Gathered(
         cells=cells,
         script=pool(root, [script_name(twin) for twin in design.twins]),
+        clip=[t for twin in design.twins if (t := pool(root, [clip_name(twin)]))],
         answers=answers(measure, HYPOTHESES),
         paper=[(row, _paper_row(root, design, row)) for row in TRANSFER],
         learners=[_learned(root, design, name) for name in LEARNERS],

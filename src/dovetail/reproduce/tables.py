@@ -149,6 +149,32 @@ def _speed(tries: Tries) -> list[object]:
     return [steps, f"{row.force.peak_p95:.0f}"]
 
 
+def clip_table(gathered: Gathered) -> Tabular:
+    """Return the paper's second task on the twins."""
+    rows: list[list[object]] = []
+    if found := [tries.row for tries in gathered.clip]:
+        shares = [row.successes / row.tries for row in found]
+        done, count = sum(r.successes for r in found), sum(r.tries for r in found)
+        medians = [row.steps.median for row in found]
+        rows = [
+            [
+                f"{done}/{count}",
+                f"{100 * min(shares):.0f} to {100 * max(shares):.0f} %",
+                f"{0.05 * float(np.nanmedian(medians)):.2f}",
+                f"{max(row.force.peak_p95 for row in found):.0f}",
+                sum(row.violations for row in found),
+                sum(tries.stopped for tries in gathered.clip),
+            ]
+        ]
+    heads = ("snapped on", "worst to best twin", "time [s], median")
+    more = ("peak p95 [N], worst twin", "limits broken", "stopped")
+    note = (
+        "The paper's second task: one policy of the default settings, trained in the "
+        "nominal simulation with our law and a tare, on every twin."
+    )
+    return Tabular("The rail clip", (*heads, *more), rows, note)
+
+
 def learner_table(learners: Sequence[Learned]) -> Tabular:
     """Return steps and seconds until each algorithm had learned."""
     rows = [

@@ -16,21 +16,31 @@ class ArrayFacts:
 
     shapes: ClassVar[Mapping[str, tuple[int, ...]]]
     """Shape of each array, by name; no two parts of a robot share one."""
+    unbounded: ClassVar[frozenset[str]] = frozenset()
+    """Names of the arrays that may be infinite."""
 
     def __post_init__(self) -> None:
         """Refuse what has another shape or is not finite."""
         for name, shape in self.shapes.items():
-            value = frozen_array(vars(self)[name], shape, f"robot {name}")
+            value = frozen_array(
+                vars(self)[name], shape, f"robot {name}", name not in self.unbounded
+            )
             object.__setattr__(self, name, value)
 
 
-def frozen_array(value: Any, shape: tuple[int, ...], name: str) -> Array:
+def frozen_array(
+    value: Any, shape: tuple[int, ...], name: str, is_finite: bool = True
+) -> Array:
     """Copy to a read-only float array of this shape, or say what is wrong."""
     array = np.array(value, dtype=float, order="C")
     if array.shape != shape:
         raise ConfigError(f"{name} has shape {array.shape}; it must be {shape}")
-    if not np.isfinite(array).all():
-        index = tuple(int(i) for i in np.argwhere(~np.isfinite(array))[0])
-        raise ConfigError(f"{name}{list(index)} is {array[index]}: it must be finite")
+    wrong = ~np.isfinite(array) if is_finite else np.isnan(array)
+    if wrong.any():
+        index = tuple(int(i) for i in np.argwhere(wrong)[0])
+        allowed = "finite" if is_finite else "a number"
+        raise ConfigError(
+            f"{name}{list(index)} is {array[index]}: it must be {allowed}"
+        )
     array.setflags(write=False)
     return array

@@ -19,9 +19,12 @@ def require_masses(spec: "mujoco.MjSpec", file: RobotFile) -> None:
     """Refuse inertias that no body has, and prune the shapes that give no mass."""
     import mujoco
 
+    _require_own_masses(spec, file)
     from_shapes = spec.compiler.inertiafromgeom == 1
     for body in spec.bodies[1:]:
-        if body.explicitinertial and not from_shapes:
+        if not _moves(body):
+            _make_light(body, spec)
+        elif body.explicitinertial and not from_shapes:
             _require_body(body, spec, file)
             for geom in list(body.geoms):
                 spec.delete(geom)
@@ -39,6 +42,33 @@ def require_masses(spec: "mujoco.MjSpec", file: RobotFile) -> None:
                 "<inertial>, and a shape that gives no mass: write its <inertial>"
             )
     _read_meshes(spec, file, used)
+
+
+def _require_own_masses(spec: "mujoco.MjSpec", file: RobotFile) -> None:
+    """Refuse a total that scales all masses: base and hand, left out, count in it."""
+    if (total := spec.compiler.settotalmass) > 0.0:
+        raise ConfigError(
+            f"{file.path}: <compiler settotalmass> scales all masses to {total:g} kg "
+            "in all, base and hand included, which are left out here: write each "
+            "body's own mass, and remove settotalmass"
+        )
+
+
+def _moves(body: Any) -> bool:
+    """Say whether one of the arm's joints moves a body."""
+    while body.name != "world":
+        if list(body.joints):
+            return True
+        body = body.parent
+    return False
+
+
+def _make_light(body: Any, spec: "mujoco.MjSpec") -> None:
+    """Remove mass and shapes of a body that no joint moves: no torque depends on it."""
+    for geom in list(body.geoms):
+        spec.delete(geom)
+    body.explicitinertial = False
+    body.mass, body.inertia, body.fullinertia = 0.0, np.zeros(3), np.full(6, np.nan)
 
 
 def _require_body(body: Any, spec: "mujoco.MjSpec", file: RobotFile) -> None:

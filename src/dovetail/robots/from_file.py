@@ -15,11 +15,14 @@ from dovetail.errors import ConfigError, UnprovenWarning
 from dovetail.robots.drawn import Drawn
 from dovetail.robots.file_masses import require_masses
 from dovetail.robots.file_motors import read_motors, read_torque_limits
+from dovetail.robots.flange import choose_flange
 from dovetail.robots.geometry import Geometry
+from dovetail.robots.hinge_chain import NUM_JOINTS, choose_hinges, others_note
 from dovetail.robots.inertia import merge_bodies
 from dovetail.robots.links import Links
 from dovetail.robots.mjcf_file import read_mjcf
 from dovetail.robots.motors import Motors
+from dovetail.robots.own_hand import leave_hand_out
 from dovetail.robots.robot_file import RobotFile
 from dovetail.robots.robot_limits import RobotLimits
 from dovetail.robots.urdf import read_urdf
@@ -31,7 +34,12 @@ if TYPE_CHECKING:
 
     import mujoco
 
-NUM_JOINTS = 7
+USUAL_SPEED = 1.5
+"""Speed limit of a joint where a file has none that can be used [rad/s]."""
+_SPEED_MOST = 7.0
+"""Fastest joint that is believed [rad/s]; beyond it a limit is a placeholder."""
+_ENDLESS = 2.0 * np.pi
+"""Range to either side of a joint that turns without end [rad]."""
 
 
 def load_robot(
@@ -43,21 +51,25 @@ def load_robot(
     dq_max: "Sequence[float] | None" = None,
     tau_max: "Sequence[float] | None" = None,
     motors: Motors | None = None,
+    complete: bool = False,
 ) -> "dict[str, Any]":
     """Read the fields of a `Robot`; bodies fixed to a link are merged into it.
 
-    What the file does not say of the motors, or what cannot be used of it, is in the
-    robot's notes and a warning (`UnprovenWarning`).
+    What the file does not say, or what cannot be used of it, is in the robot's notes
+    and a warning (`UnprovenWarning`).
 
     Args:
         path: URDF or MJCF file; its meshes need not exist for a URDF.
         root: Root element, ``robot`` for URDF or ``mujoco`` for MJCF.
-        joints: Names of the seven hinges from base to flange, if there are others;
-            the others stay at their zero.
+        joints: Names of the seven hinges from base to flange, where several rows of
+            seven could be meant; others stay at their zero.
         flange: Site or body that is the flange; default the last link's frame.
         dq_max: Speed limits [rad/s]; MJCF has none, URDF's are the default.
         tau_max: Torque limits [Nm]; default from the file.
         motors: Friction and rotor inertia; default from the file.
+        complete: Choose what the file leaves open: a speed that is not given is
+            `USUAL_SPEED`, the flange is the frame of such a name, and a hand that moves
+            is left out.
 
     Raises:
         ConfigError: Unreadable file, not seven hinges in a row, a limit missing, a body
@@ -66,7 +78,7 @@ def load_robot(
     import mujoco
 
     file = _read(path, root)
-    model, names = _compile(file, joints)
+    model, names, notes = _compile(file, joints, is_bare=complete)
     ids = [mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, name) for name in names]
     data = mujoco.MjData(model)
     data.qpos[:] = 0.0
@@ -74,23 +86,36 @@ def load_robot(
     mujoco.mj_comPos(model, data)
     frames = _joint_frames(model, data, ids, names)
     mass, com, inertia = _links(model, data, ids, frames)
-    low, high = _ranges(model, ids, names, file)
-    speed = _limit("dq_max", dq_max, names, file.velocity, file)
+    low, high = _ranges(model, ids, names, file, notes)
+    known = file.velocity
+    if complete and dq_max is None:
+        known = _believed(names, known, file, notes)
+    speed = _limit("dq_max", dq_max, names, known, file)
     effort = file.effort or read_torque_limits(model)
     torque = _limit("tau_max", tau_max, names, effort, file)
+    if tau_max is None and len(set(torque)) == 1:
+        notes.append(
+            f"{path.name} gives every joint {torque[0]:g} Nm, which may be a "
+            "placeholder: compare it with the maker's data"
+        )
+    end = _flange(model, data, ids, flange)
+    if complete and flange is None:
+        moved = [body for body, i in _owners(model, ids).items() if i == NUM_JOINTS - 1]
+        end, said = choose_flange(model, data, moved, frames, file)
+        notes.append(said)
     if motors is None:
         motors = read_motors(model, ids, names, file)
-    for note in (*file.notes, *motors.notes):
+    for note in (*notes, *motors.notes):
         warnings.warn(note, UnprovenWarning, stacklevel=3)
     return {
         "name": path.stem,
-        "geometry": _geometry(frames, _flange(model, data, ids, flange)),
+        "geometry": _geometry(frames, end),
         "links": Links(mass=mass, com=com, inertia=inertia),
         "limits": RobotLimits(q_min=low, q_max=high, dq_max=speed, tau_max=torque),
         "motors": motors,
         "drawn": _drawn(model, data, ids, frames, file.drawn),
-        "notes": file.notes,
-    }
+        "notes": tuple(notes),
+    } | ({"gripper": "any"} if complete else {})
 
 
 def _read(path: Path, root: str) -> RobotFile:
@@ -105,9 +130,12 @@ def _read(path: Path, root: str) -> RobotFile:
 
 
 def _compile(
-    file: RobotFile, joints: "Sequence[str] | None"
-) -> "tuple[mujoco.MjModel, list[str]]":
-    """Return the model of the seven hinges, all others welded, and their names."""
+    file: RobotFile, joints: "Sequence[str] | None", *, is_bare: bool
+) -> "tuple[mujoco.MjModel, list[str], list[str]]":
+    """Return the model of the seven hinges, all others welded, their names, and notes.
+
+    Bare, it is without a hand of its own.
+    """
     import mujoco
 
     text, places = write_xml(file.tree)
@@ -115,7 +143,10 @@ def _compile(
         spec = mujoco.MjSpec.from_string(text)
         for index, joint in enumerate(spec.joints):
             joint.name = joint.name or f"unnamed {index}"
-        names = _joint_names(spec, file, joints)
+        names = choose_hinges(spec, file, joints)
+        notes = [*file.notes, *others_note(spec, file, names)]
+        if is_bare:
+            notes += leave_hand_out(spec, file, names[-1])
         for joint in spec.joints:
             if joint.name not in names:
                 spec.delete(joint)
@@ -123,7 +154,7 @@ def _compile(
             if actuator.target not in names:
                 spec.delete(actuator)
         require_masses(spec, file)
-        return spec.compile(), names
+        return spec.compile(), names, notes
     except ValueError as error:  # MuJoCo's own, but for a ConfigError
         if isinstance(error, ConfigError):
             raise
@@ -131,49 +162,6 @@ def _compile(
         words = words.removeprefix("Error: ")
         words = re.sub(r"line (\d+)", lambda m: places[int(m[1]) - 1], words)
         raise ConfigError(f"MuJoCo cannot load {file.path}: {words}") from error
-
-
-def _joint_names(
-    spec: "mujoco.MjSpec", file: RobotFile, joints: "Sequence[str] | None"
-) -> list[str]:
-    """Return the seven hinges' names, or say which joints the file has."""
-    import mujoco
-
-    kinds = {
-        joint.name: str(mujoco.mjtJoint(joint.type).name).removeprefix("mjJNT_").lower()
-        for joint in spec.joints
-    }
-    every = listed([f"{n} ({k})" if k != "hinge" else n for n, k in kinds.items()])
-    names = list(joints) if joints is not None else list(kinds)
-    for name in names:
-        if name not in kinds:
-            raise ConfigError(f"{file.path} has no joint {name!r}; known: {every}")
-    others = [name for name in names if kinds[name] != "hinge"]
-    hinges = len(names) - len(others)
-    if hinges < NUM_JOINTS:
-        raise ConfigError(
-            f"{file.path} has {len(kinds)} joints ({every}); an arm of {NUM_JOINTS} "
-            f"hinges is needed, and {'these' if joints is None else 'joints=[...]'} "
-            f"have {hinges}"
-        )
-    if joints is None and (others or hinges != NUM_JOINTS):
-        raise ConfigError(
-            f"{file.path} has {len(kinds)} joints ({every}); an arm has {NUM_JOINTS} "
-            "hinges: name the seven from base to flange with joints=[...]; the others "
-            "stay at their zero"
-        )
-    if len(set(names)) != NUM_JOINTS:
-        raise ConfigError(
-            f"joints=[...] names {len(set(names))} different joints ({listed(names)}); "
-            f"an arm has {NUM_JOINTS}"
-        )
-    for name in names:
-        if name in file.mimics:
-            raise ConfigError(
-                f"{file.path}: {file.where('joint', name)} mimics {file.mimics[name]} "
-                "and has no motor of its own: name seven others with joints=[...]"
-            )
-    return names
 
 
 def _joint_frames(
@@ -308,22 +296,56 @@ def _flange(
 
 
 def _ranges(
-    model: "mujoco.MjModel", ids: list[int], names: list[str], file: RobotFile
+    model: "mujoco.MjModel",
+    ids: list[int],
+    names: list[str],
+    file: RobotFile,
+    notes: list[str],
 ) -> tuple[Array, Array]:
-    """Return the position limits, or say which joint has none."""
-    for joint, name in zip(ids, names, strict=True):
-        low, high = model.jnt_range[joint]
+    """Return the position limits, or say which joint has none.
+
+    A joint that turns without end gets a whole turn to either side, and a note.
+    """
+    low, high = model.jnt_range[ids, 0].copy(), model.jnt_range[ids, 1].copy()
+    endless: list[str] = []
+    for i, (joint, name) in enumerate(zip(ids, names, strict=True)):
         where = f"{file.path}: {file.where('joint', name)}"
-        if low > high:
+        if low[i] > high[i]:
             raise ConfigError(
-                f"{where} has the range {low:g} to {high:g} rad; swap its ends"
+                f"{where} has the range {low[i]:g} to {high[i]:g} rad; swap its ends"
             )
-        if not model.jnt_limited[joint] or low == high:
+        if model.jnt_limited[joint] and low[i] < high[i]:
+            continue
+        may_be_endless = name in file.endless or file.tree.tag == "mujoco"
+        if model.jnt_limited[joint] or not may_be_endless:
             raise ConfigError(
                 f"{where} has no position limits: give it a range (in a URDF the type "
                 "revolute, and lower and upper of its <limit>)"
             )
-    return model.jnt_range[ids, 0], model.jnt_range[ids, 1]
+        low[i], high[i] = -_ENDLESS, _ENDLESS
+        endless.append(name)
+    if endless:
+        notes.append(
+            f"{file.path.name} leaves {listed(endless)} without position limits; "
+            f"{-_ENDLESS:.4g} to {_ENDLESS:.4g} rad, a turn to either side, is assumed"
+        )
+    return low, high
+
+
+def _believed(
+    names: list[str], known: "Mapping[str, float]", file: RobotFile, notes: list[str]
+) -> "dict[str, float]":
+    """Return the speed limits, the usual one where none can be used, with a note."""
+    lacks = [name for name in names if not 0.0 < known.get(name, 0.0) <= _SPEED_MOST]
+    if lacks:
+        said = {f"{known[name]:g} rad/s" for name in lacks if name in known}
+        which = "no joint" if len(lacks) == len(names) else "not of every joint"
+        notes.append(
+            f"{file.path.name} gives a speed limit of {which}"
+            f"{' that can be used (' + ', '.join(sorted(said)) + ')' if said else ''}: "
+            f"{USUAL_SPEED:g} rad/s is assumed of {listed(lacks)}"
+        )
+    return {**known, **dict.fromkeys(lacks, USUAL_SPEED)}
 
 
 def _limit(
@@ -340,7 +362,7 @@ def _limit(
         if not known.get(joint, 0.0) > 0.0:
             said = f"{name} {known[joint]:g}" if joint in known else f"no {name}"
             raise ConfigError(
-                f"{file.path} gives {file.where('joint', joint)} {said}: pass "
-                f"{name}=[...] with {NUM_JOINTS} values"
+                f"{file.path} gives {file.where('joint', joint)} {said}: write it "
+                f"into the file, or pass {name}=[...] with {NUM_JOINTS} values"
             )
     return np.array([known[joint] for joint in joints])

@@ -31,6 +31,8 @@ if TYPE_CHECKING:
 
 GRAVITY = (0.0, 0.0, -9.81)
 """Gravity in world axes [m/s2]."""
+ANY_GRIPPER = "any"
+"""Gripper of an arm that says nothing of one."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -75,11 +77,14 @@ class Robot:
     the table), "forward" (the tool level), "rest". Without down: the joints' middle."""
     payload: Payload | None = None
     """Payload on the flange; it is already merged into mass, com and inertia."""
+    gripper: str = "wsg50"
+    """Name of the gripper that it usually carries, see `workcell.tool.GRIPPERS`; none
+    is a light holder, and any the heaviest that it can brake with."""
     drawn: tuple[tuple[Drawn, ...], ...] = ((),) * 8
     """Meshes of base and links, in their frames; a link without one is drawn as a plain
     body. They are files of this machine, and do not go over a wire."""
     notes: tuple[str, ...] = ()
-    """Unused parts of the file that it was read from; see `motors.notes`, too."""
+    """Unused parts of the file that it was read from; see `all_notes`."""
 
     def __post_init__(self) -> None:
         postures = {
@@ -109,6 +114,11 @@ class Robot:
         from dovetail.robots.from_file import load_robot
 
         return cls(**load_robot(Path(path), "robot", **options))
+
+    @property
+    def all_notes(self) -> tuple[str, ...]:
+        """Unused and assumed facts of its file, and of its motors."""
+        return (*self.notes, *self.motors.notes)
 
     def posture(self, name: str) -> Vec7:
         """Return where inverse kinematics starts [rad]: a posture, or "down"."""

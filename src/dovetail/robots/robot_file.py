@@ -25,6 +25,8 @@ class RobotFile:
     """Joints for which the file gives damping or armature; "*" is all."""
     mimics: Mapping[str, str] = field(default_factory=dict)
     """Joints that another one moves, and which."""
+    endless: frozenset[str] = frozenset()
+    """Joints of a URDF that turn without end."""
     drawn: Mapping[str, list[Drawn]] = field(default_factory=dict)
     """Meshes of the links, in their frames, of a URDF."""
     meshes: Mapping[str, Path] = field(default_factory=dict)

@@ -1,7 +1,9 @@
-"""Limits of an arm's joints: position, speed and torque."""
+"""Limits of an arm's joints: position, speed, torque, and how quickly it changes."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import ClassVar
+
+import numpy as np
 
 from dovetail.errors import ConfigError
 from dovetail.robots.arrays import ArrayFacts
@@ -12,7 +14,19 @@ from dovetail.types import JOINTS, Vec7
 class RobotLimits(ArrayFacts):
     """Limits of the joints themselves; a controller's limits lie inside."""
 
-    shapes: ClassVar = dict.fromkeys(("q_min", "q_max", "dq_max", "tau_max"), (7,))
+    shapes: ClassVar = dict.fromkeys(
+        (
+            "q_min",
+            "q_max",
+            "dq_max",
+            "tau_max",
+            "taper_brake",
+            "taper_offset",
+            "dtau_max",
+        ),
+        (7,),
+    )
+    unbounded: ClassVar = frozenset(("taper_brake", "dtau_max"))
 
     q_min: Vec7
     """Lower joint limits [rad], shape (7,)."""
@@ -22,6 +36,13 @@ class RobotLimits(ArrayFacts):
     """Joint speed limits [rad/s], shape (7,)."""
     tau_max: Vec7
     """Motor torque limits [Nm], gravity included, shape (7,)."""
+    taper_brake: Vec7 = field(default_factory=lambda: np.full(7, np.inf))
+    """Fall of the speed limit towards a position limit [rad/s2], shape (7,): at the
+    distance d from it, it is sqrt(2 d taper_brake) - taper_offset. Infinity: none."""
+    taper_offset: Vec7 = field(default_factory=lambda: np.zeros(7))
+    """See `taper_brake` [rad/s], shape (7,)."""
+    dtau_max: Vec7 = field(default_factory=lambda: np.full(7, np.inf))
+    """Largest change of the commanded torque [Nm/s], shape (7,). Infinity: none."""
 
     def __post_init__(self) -> None:
         """Refuse a limit that leaves nothing, by its joint."""
@@ -32,7 +53,23 @@ class RobotLimits(ArrayFacts):
                     f"joint {joint} has q_min {self.q_min[i]} rad >= "
                     f"q_max {self.q_max[i]} rad"
                 )
-            for name, unit in (("dq_max", "rad/s"), ("tau_max", "Nm")):
+            units = {
+                "dq_max": "rad/s",
+                "tau_max": "Nm",
+                "taper_brake": "rad/s2",
+                "dtau_max": "Nm/s",
+            }
+            for name, unit in units.items():
                 if vars(self)[name][i] <= 0.0:
                     value = vars(self)[name][i]
                     raise ConfigError(f"{name}[{joint}] is {value} {unit}: must be > 0")
+            if self.taper_offset[i] < 0.0:
+                raise ConfigError(
+                    f"taper_offset[{joint}] is {self.taper_offset[i]} rad/s: must be "
+                    ">= 0"
+                )
+
+    @property
+    def standing_room(self) -> Vec7:
+        """Distance from a position limit at which the speed limit is 0 [rad]."""
+        return self.taper_offset**2 / (2.0 * self.taper_brake)

@@ -70,6 +70,9 @@ def read_urdf(robot: Node, path: Path) -> RobotFile:
             for name, joint in joints.items()
             if (mimic := joint.find("mimic")) is not None
         },
+        endless=frozenset(
+            name for name, joint in joints.items() if joint.get("type") == "continuous"
+        ),
         drawn=drawn,
         notes=notes,
         places=places_of(robot),

@@ -47,7 +47,7 @@ class Info(_message.Message):
     def __init__(self, version: _Optional[_Union[Version, _Mapping]] = ..., arm: _Optional[str] = ..., real_time: _Optional[bool] = ..., robot: _Optional[_Union[RobotModel, _Mapping]] = ..., cell: _Optional[_Union[Workcell, _Mapping]] = ..., holder: _Optional[str] = ..., stopped: _Optional[str] = ..., joints: _Optional[_Iterable[str]] = ..., columns: _Optional[_Iterable[str]] = ..., configured: _Optional[_Union[Configuration, _Mapping]] = ..., places_fixture: _Optional[bool] = ...) -> None: ...
 
 class RobotModel(_message.Message):
-    __slots__ = ("name", "origin_position", "origin_rotation", "mass", "com", "inertia", "flange_position", "flange_rotation", "tool_position", "tool_rotation", "q_min", "q_max", "dq_max", "tau_max", "payload", "damping", "armature")
+    __slots__ = ("name", "origin_position", "origin_rotation", "mass", "com", "inertia", "flange_position", "flange_rotation", "tool_position", "tool_rotation", "q_min", "q_max", "dq_max", "tau_max", "payload", "damping", "armature", "taper_brake", "taper_offset", "dtau_max")
     NAME_FIELD_NUMBER: _ClassVar[int]
     ORIGIN_POSITION_FIELD_NUMBER: _ClassVar[int]
     ORIGIN_ROTATION_FIELD_NUMBER: _ClassVar[int]
@@ -65,6 +65,9 @@ class RobotModel(_message.Message):
     PAYLOAD_FIELD_NUMBER: _ClassVar[int]
     DAMPING_FIELD_NUMBER: _ClassVar[int]
     ARMATURE_FIELD_NUMBER: _ClassVar[int]
+    TAPER_BRAKE_FIELD_NUMBER: _ClassVar[int]
+    TAPER_OFFSET_FIELD_NUMBER: _ClassVar[int]
+    DTAU_MAX_FIELD_NUMBER: _ClassVar[int]
     name: str
     origin_position: _containers.RepeatedScalarFieldContainer[float]
     origin_rotation: _containers.RepeatedScalarFieldContainer[float]
@@ -82,7 +85,10 @@ class RobotModel(_message.Message):
     payload: Payload
     damping: _containers.RepeatedScalarFieldContainer[float]
     armature: _containers.RepeatedScalarFieldContainer[float]
-    def __init__(self, name: _Optional[str] = ..., origin_position: _Optional[_Iterable[float]] = ..., origin_rotation: _Optional[_Iterable[float]] = ..., mass: _Optional[_Iterable[float]] = ..., com: _Optional[_Iterable[float]] = ..., inertia: _Optional[_Iterable[float]] = ..., flange_position: _Optional[_Iterable[float]] = ..., flange_rotation: _Optional[_Iterable[float]] = ..., tool_position: _Optional[_Iterable[float]] = ..., tool_rotation: _Optional[_Iterable[float]] = ..., q_min: _Optional[_Iterable[float]] = ..., q_max: _Optional[_Iterable[float]] = ..., dq_max: _Optional[_Iterable[float]] = ..., tau_max: _Optional[_Iterable[float]] = ..., payload: _Optional[_Union[Payload, _Mapping]] = ..., damping: _Optional[_Iterable[float]] = ..., armature: _Optional[_Iterable[float]] = ...) -> None: ...
+    taper_brake: _containers.RepeatedScalarFieldContainer[float]
+    taper_offset: _containers.RepeatedScalarFieldContainer[float]
+    dtau_max: _containers.RepeatedScalarFieldContainer[float]
+    def __init__(self, name: _Optional[str] = ..., origin_position: _Optional[_Iterable[float]] = ..., origin_rotation: _Optional[_Iterable[float]] = ..., mass: _Optional[_Iterable[float]] = ..., com: _Optional[_Iterable[float]] = ..., inertia: _Optional[_Iterable[float]] = ..., flange_position: _Optional[_Iterable[float]] = ..., flange_rotation: _Optional[_Iterable[float]] = ..., tool_position: _Optional[_Iterable[float]] = ..., tool_rotation: _Optional[_Iterable[float]] = ..., q_min: _Optional[_Iterable[float]] = ..., q_max: _Optional[_Iterable[float]] = ..., dq_max: _Optional[_Iterable[float]] = ..., tau_max: _Optional[_Iterable[float]] = ..., payload: _Optional[_Union[Payload, _Mapping]] = ..., damping: _Optional[_Iterable[float]] = ..., armature: _Optional[_Iterable[float]] = ..., taper_brake: _Optional[_Iterable[float]] = ..., taper_offset: _Optional[_Iterable[float]] = ..., dtau_max: _Optional[_Iterable[float]] = ...) -> None: ...
 
 class Payload(_message.Message):
     __slots__ = ("mass", "com", "inertia")

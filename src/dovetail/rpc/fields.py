@@ -49,7 +49,8 @@ class FieldReader:
             values: As sent.
             labels: Names of the elements.
             unit: Their unit.
-            allowed: Lowest and highest value; numbers, or one for each element.
+            allowed: Lowest and highest value; numbers, or one for each element. An
+                infinite value is right only where the highest alone is infinite.
         """
         if len(values) != len(labels):
             given = f"{len(values)} value{'' if len(values) == 1 else 's'}"
@@ -58,7 +59,8 @@ class FieldReader:
             return np.full(len(labels), np.nan)
         array = np.array(values[:])  # a list is read far quicker than the field itself
         low, high = allowed
-        is_right = np.isfinite(array) & (array >= low) & (array <= high)
+        is_right = (array >= low) & (array <= high)
+        is_right &= np.isfinite(array) | np.isfinite(low)
         for i in np.flatnonzero(~is_right):
             element = f"{path}[{labels[i]}]" if labels[i] else path
             lowest, highest = (np.broadcast_to(x, array.shape)[i] for x in allowed)
@@ -98,7 +100,8 @@ class FieldReader:
     def _check(
         self, path: str, value: float, unit: str, low: float, high: float
     ) -> None:
-        if not (math.isfinite(value) and low <= value <= high):
+        is_number = math.isfinite(value) or math.isfinite(low)
+        if not (is_number and low <= value <= high):
             self.refuse(path, f"{value:g} {unit}", _range(unit, low, high))
 
 

@@ -57,17 +57,6 @@ def read_robot(message: pb.RobotModel) -> Robot:
     )
 
 
-def differences(one: Robot, other: Robot) -> list[str]:
-    """Return the names of the arrays in which two robots differ, as a message's."""
-    ours, theirs = one.arrays(), other.arrays()
-    return [
-        field.name
-        for field in pb.RobotModel.DESCRIPTOR.fields
-        if field.name in ours
-        and not np.array_equal(ours[field.name], theirs[field.name])
-    ]
-
-
 def _shaped(values: Any, shape: tuple[int, ...]) -> Any:
     array = np.array(values, dtype=float)
     if array.size == np.prod(shape):

@@ -13,7 +13,7 @@ from dovetail.errors import ConfigError
 from dovetail.robots.robot import Robot
 from dovetail.rpc import dovetail_pb2 as pb
 from dovetail.rpc.fields import FieldReader
-from dovetail.settings import Range, values_of
+from dovetail.settings import Range, ranges_of, values_of
 from dovetail.types import JOINTS
 
 _CHOICES = {"scheme": SCHEMES, "bounds": BOUNDS}
@@ -123,11 +123,15 @@ def _read_setting(
 
 def _require_inside(limits: LimitConfig, robot: Robot, reader: FieldReader) -> None:
     """Refuse limits that are wider than the robot's own."""
-    own = robot.limits
-    lowest = {"dq_max": 0.0, "tau_max": 0.0, "q_min": own.q_min, "q_max": own.q_min}
+    own, ranges = robot.limits, ranges_of(LimitConfig)
+    lowest = {
+        **dict.fromkeys(("dq_max", "tau_max", "taper_brake", "dtau_max"), 0.0),
+        "q_min": own.q_min,
+        "q_max": own.q_min,
+    }
     for name, low in lowest.items():
         high = own.q_max if name == "q_min" else vars(own)[name]
-        unit = {"dq_max": "rad/s", "tau_max": "Nm"}.get(name, "rad")
+        unit = ranges[name].unit
         reader.vector(
             f"limits.{name}",
             vars(limits)[name].tolist(),

@@ -4,7 +4,7 @@ from dovetail.distribution import installed_version
 from dovetail.errors import ConfigError
 from dovetail.rpc import dovetail_pb2 as pb
 
-PROTOCOL = 5
+PROTOCOL = 6
 """Version of `proto/dovetail.proto`; it grows when an old peer would misunderstand."""
 
 

@@ -5,6 +5,12 @@ Tilted so that one corner is lowest, that corner falls in almost wherever it is 
 the opening, at any clearance. Then it is pushed until two walls stop it, which tells
 where the opening is, and the part is turned upright there and pushed in.
 
+A part that a list of shapes describes may have no corner that can be led so. It is
+first put down upright where the opening is believed, and pressed there for a while.
+
+A part that goes over a post is led the other way round: the lowest corner of its bore
+is put down outside of the post, and drawn back until it is held by the post's walls.
+
 Only what an arm measures of itself is used, and where the fixture was seen last.
 """
 
@@ -25,9 +31,12 @@ from dovetail.poses import (
     quat_conjugate,
     quat_from_vector,
     quat_multiply,
+    rotation_error,
 )
 from dovetail.search.corner_config import CornerSearchConfig
+from dovetail.tasks.task import Outline
 from dovetail.types import Array, Mat33, Vec3
+from dovetail.workcell.sections import is_convex
 
 SEARCH_AXES = "XYZ:force ABC:pose"
 """Mode of each axis that the search needs: it tilts the part."""
@@ -38,6 +47,10 @@ _NEAR = 0.003
 """Distance from a place in the air at which it counts as reached [m]."""
 _PITCH = 0.004
 """Distance between two points of the path, and from one that is reached [m]."""
+_USUAL_SIZE = 0.012
+"""Size of an opening from which path and drop are the settings' [m]; see `_size_of`."""
+_SHALLOW = 0.15
+"""Least drop of a corner that is in a small opening, per size [1]."""
 _RESPONSE = 0.1
 """Time in which a distance is made up through free air [s]."""
 _STILL = 0.003
@@ -50,8 +63,39 @@ _LOST = 0.00024
 """Depth above which a corner that leaned in the opening has come out [m]."""
 _BESIDE = 0.010
 """Depth that a tilted part has only beside the fixture [m]."""
+_STEP = 0.0015
+"""Depth below the last surface from which what holds a part is a step inside [m]."""
+_ROOM = 0.008
+"""Least distance of the opening from where it is believed that is searched [m]."""
+_FALLEN = 0.0004
+"""Way down at such a step from which the part has fallen on [m]."""
+_WIND, _WIDEST = 0.02, 0.0030
+"""Speed on the spiral there [m/s], and its largest radius [m]."""
+_CLOSEST = 0.00025
+"""Least distance between two turns of it [m]."""
+_SWAY, _SWAYS = 0.02, 1.7
+"""Turn to both sides meanwhile [rad], and its frequency [Hz]: it may be turned."""
+_FOLLOW = 6.0
+"""Gain from the distance to the spiral to speed [1/s]."""
+_SUNK = 0.6
+"""The post is in the bore once the bore's lowest corner is this share of its depth
+below the end's middle under the surface [1]."""
+_AWAY = 0.008
+"""Most distance from a post at which that corner is put down [m]."""
+_FAR = 0.85
+"""Least distance from the middle of a corner that is tried, per the farthest's [1]."""
+_UPRIGHT = 0.001
+"""Distance from the believed opening at which an upright part goes down [m]."""
+_HOLD = 200.0
+"""Gain from that distance to f* while it is pressed there [1/s2]."""
+_ROUNDS = 1.5
+"""Rounds on which it is pressed [1]."""
+_SPREAD = 0.5 * (1.0 + math.sqrt(5.0))
+"""Golden ratio: its multiples are spread evenly [1]."""
 _ASTRAY = 0.010
 """Way beyond the widest ring and the opening that is no path's [m]."""
+_ROCK, _ROCK_TURNS = 0.2, 0.02
+"""Speed on the spiral of tilts [rad/s], and between two turns of it [rad]."""
 _SHAKES = 2.5
 """Frequency of the shaking from side to side [Hz]."""
 _GOLDEN = math.pi * (3.0 - math.sqrt(5.0))
@@ -59,8 +103,9 @@ _GOLDEN = math.pi * (3.0 - math.sqrt(5.0))
 _TOUCH_STEPS, _STILL_STEPS, _STUCK_STEPS = 3, 6, 12
 """Policy steps without motion until the part stands: on its way down, into the opening,
 over the surface."""
-_SEAT_STEPS, _PUSH_STEPS = 60, 40
-"""Policy steps at most to the opening's corner, and at least on the way in."""
+_SEAT_STEPS, _PUSH_STEPS, _OUT_STEPS = 60, 40, 10
+"""Policy steps at most to the opening's corner, at least on the way in, and out from
+under the fixture."""
 
 
 class CornerSearch:
@@ -84,40 +129,85 @@ class CornerSearch:
             ConfigError: The task has other axes, or no opening.
         """
         self.config = config or CornerSearchConfig()
-        outline = env.task.outline()
-        if outline is None:
-            raise ConfigError(
-                f"a corner search needs a task that tells of its opening; "
-                f"{type(env.task).__name__} has no outline()"
-            )
-        if env.axes != TaskSpec.parse(SEARCH_AXES):
-            raise ConfigError(
-                f"a corner search needs the axes '{SEARCH_AXES}'; here they are "
-                f"'{env.axes}': add --task '{SEARCH_AXES}'"
-            )
+        outline = _outline_of(env)
         self._env = env
-        corner = max(outline.opening, key=lambda point: float(point @ point))
-        radius = math.hypot(*corner)
-        self._along: Vec3 = np.append(corner / radius, 0.0)
-        """Towards the opening's corner, in the fixture's frame, as all that follows."""
-        share = 1.0 - (env.task.gap() or 0.0) / _inner_radius(outline.opening)
-        self._part_corner = share * radius * self._along
-        self._tilt_axis = np.cross(_UP, self._along)
+        self._side = -1.0 if outline.is_post else 1.0
+        """Side of the corner on which walls stop it: 1 outwards, -1 inwards."""
+        self._middle = _middle_of(outline.opening) if outline.is_post else np.zeros(2)
+        """Middle of the opening, or of the post [m]."""
+        line = outline.opening - self._middle
+        radius = float(np.linalg.norm(line, axis=1).max())
+        gap = env.task.gap() or 0.0
+        self._inward = 1.0 - self._side * gap / _inner_radius(line)
+        corner = outline.corner
+        if corner is None:
+            corner = max(outline.opening, key=lambda point: float(point @ point))
+        self._take_corner(corner)
+        is_notched = not is_convex(outline.opening[:-1])
+        self._others = _far_corners(outline.opening, radius) if is_notched else []
+        """Corners that are tried in turn: what falls into a notched opening may lie in
+        another arm of it than its own."""
         self._depth, self._wide = outline.depth, 2.0 * radius
-        self._leaning = self._without_wedging(2.0 * (env.task.gap() or 0.0))
+        size = _size_of(line, radius)
+        share = min(1.0, size / _USUAL_SIZE)
+        self._pitch = share * _PITCH
+        self._radii = [share * ring for ring in self.config.rings]
+        """Radii of the circles of the path [m]: closer where the opening is small."""
+        if share < 1.0:  # a small fixture ends near the opening: first close to it
+            self._radii.insert(0, 0.5 * self._radii[0])
+        held = env.grasp_range
+        self._askew = math.sqrt(2.0) * held.turn
+        """Most that the part is held askew [rad]."""
+        self._unsure = 0.0
+        """How far below its believed height an untouched surface may be [m]."""
+        if any(held):
+            self._unsure = held.error + 0.5 * self._askew * self._wide + _DEEP
+        self._drop = min(self.config.drop, _SHALLOW * size)
+        if outline.is_post:
+            sunk = _SUNK * radius * math.sin(self.config.tilt)
+            self._drop = max(self._drop, min(sunk, 0.5 * self._depth))
+        self._has_steps = not outline.is_straight
+        self._room = max(_ROOM, outline.outer)
+        """Distance from the believed opening from which a part is beside it [m]."""
+        if self._has_steps:  # what ends beside the fixture is on no path
+            self._radii = [ring for ring in self._radii if ring < self._room + _PITCH]
+        self._turns = max(0.8 * gap, _CLOSEST)
+        """Distance between two turns of a spiral [m]."""
+        self._beside = _BESIDE + (self._depth if self._has_steps else 0.0)
+        self._leaning = self._without_wedging(2.0 * gap)
         self._damping = np.array(per_axis("", env.config.force_damping))
         self._scale = np.array(env.commands.scale)
+        self._set_speeds()
+        self._farthest = max(self.config.rings) + self._wide + _ASTRAY
+        """Distance from the fixture beyond which no path leads [m]."""
+        self.reset()
+
+    def _set_speeds(self) -> None:
+        """Take the speeds, and the heights between which they hold."""
+        env = self._env
         near_speed = env.config.near_speed
         self._fast_from = env.config.near_distance + _NEAR
         """Height above the surface from which the arm is not slow [m]."""
+        top = float(env.task.fixture(0.0).corners[:, 2].max())
+        self._above = max(top, 0.0) + self.config.over
+        """Height of the corner above all of the fixture [m]."""
         self._slide_speed = min(self.config.slide_speed, near_speed)
         """Speed of the slide [m/s]; a shortfall from more would count as friction."""
         most = float((self._scale[:3] / np.maximum(self._damping, 1e-9)).min())
         self._air_speed = min(self.config.speed, most)
         """Speed through free air that an action can ask for [m/s]."""
-        self._farthest = max(self.config.rings) + self._wide + _ASTRAY
-        """Distance from the fixture beyond which no path leads [m]."""
-        self.reset()
+
+    def _take_corner(self, corner: Array) -> None:
+        """Search with a corner of the opening, x y from its middle [m]."""
+        out = corner - self._middle
+        radius = math.hypot(*out)
+        self._along: Vec3 = np.append(out / radius, 0.0)
+        """Towards the opening's corner, in the fixture's frame, as all that follows."""
+        self._size = self._inward * radius
+        self._part_corner = np.append(self._middle, 0.0) + self._size * self._along
+        self._tilt_axis = np.cross(_UP, self._along)
+        self._to_walls = self._side * self._along
+        """Way of the lowest corner to the walls that stop it."""
 
     def _without_wedging(self, play: float) -> float:
         """Return the tilt with which the part is led in [rad], 0 in a tight fit."""
@@ -133,13 +223,19 @@ class CornerSearch:
         """Begin anew."""
         self._tries = 0
         self._surface = 0.0
-        """Its height, as touched [m]."""
+        """Its height, as touched [m], or as it was seen."""
+        self._is_touched = False
         self._search()
+        if self._has_steps:  # any shape: perhaps no corner of it can be led
+            self._begin(self._lower)
 
     def __call__(self, observation: NDArray[np.float32], /) -> NDArray[np.float32]:
         """Return the next action; what is measured is read from the arm's state."""
         self._look()
-        if self._phase != self._go_over and self._is_astray():
+        if self._has_fallen and self._is_beside():
+            self._surface = float(self._corner[2])  # lower than it was believed
+            self._search()
+        elif not self._is_on_the_way and self._is_astray():
             self._search()
         self._steps += 1
         self._track.append(self._end)
@@ -148,7 +244,7 @@ class CornerSearch:
 
     @property
     def phase(self) -> str:
-        """Current phase: go over, touch, slide, seat, straighten or push."""
+        """Current phase: lower, settle, go over or out, touch, slide, seat, ..."""
         return self._phase.__name__.removeprefix("_").replace("_", " ")
 
     def _begin(self, phase: Callable[[], tuple[Vec3, float]]) -> None:
@@ -159,22 +255,33 @@ class CornerSearch:
         self._friction: Vec3 = np.zeros(3)
         self._growth = 0.0
         self._turn = 0.0
+        self._given: Vec3 = np.zeros(3)
 
     def _search(self) -> None:
         """Begin at the start of a path, after the first on one beside the earlier."""
+        if self._others:
+            self._take_corner(self._others[self._tries % len(self._others)])
         self._begin(self._go_over)
+        self._level = math.inf
+        """Height of the last place inside at which it stood [m]."""
+        self._upright: Vec3 = np.zeros(3)
+        """Rotation around which `_rock` tilts the part [rad]."""
         angle = _GOLDEN * self._tries
-        beside = _PITCH * np.array([math.cos(angle), math.sin(angle), 0.0])
+        beside = self._pitch * np.array([math.cos(angle), math.sin(angle), 0.0])
         # From here, not from the middle, most of the opening catches the corner.
-        middle = 0.3 * self._part_corner + min(self._tries, 1) * beside
+        first = 0.3 * self._part_corner
+        if self._side < 0.0:
+            away = min(0.7 * self._size, _AWAY)
+            first = self._part_corner + away * self._along
+        middle = first + min(self._tries, 1) * beside
         self._path = [middle, *self._rings(middle)]
         self._tries += 1
 
     def _rings(self, middle: Vec3) -> list[Vec3]:
         """Return points on circles about the middle [m]."""
         points = []
-        for radius in self.config.rings:
-            count = math.ceil(2.0 * math.pi * radius / _PITCH)
+        for radius in self._radii:
+            count = math.ceil(2.0 * math.pi * radius / self._pitch)
             for step in range(count + 1):
                 angle = _GOLDEN * self._tries + 2.0 * math.pi * step / count
                 circle = np.array([math.cos(angle), math.sin(angle), 0.0])
@@ -188,6 +295,7 @@ class CornerSearch:
         self._rotation: Mat33 = matrix_from_quat(seen.quat_wxyz)
         R = self._rotation.T
         turn = quat_multiply(state.tool.quat_wxyz, quat_conjugate(goal.quat_wxyz))
+        self._turned: Vec3 = R @ rotation_error(state.tool.quat_wxyz, goal.quat_wxyz)
         turned = R @ matrix_from_quat(turn) @ self._rotation
         self._end: Vec3 = R @ (state.tool.position - seen.position)
         self._corner: Vec3 = self._end + turned @ self._part_corner
@@ -198,8 +306,8 @@ class CornerSearch:
         """Return the action that commands f* [m/s2], a tilt and a turn [rad]."""
         axis = self._rotation @ self._tilt_axis
         tilted = matrix_from_quat(quat_from_vector(tilt * axis))
-        out = self._rotation @ _UP
-        R = matrix_from_quat(quat_from_vector(turn * out)) @ tilted
+        turned = self._rotation @ (self._given + turn * _UP)
+        R = matrix_from_quat(quat_from_vector(turned)) @ tilted
         # The turns about the world's z, y, x, one after the other, that make R.
         about_z = math.atan2(-R[0, 1], R[0, 0])
         about_y = math.asin(R[0, 2])
@@ -225,12 +333,26 @@ class CornerSearch:
         Args:
             is_stuck: Something holds it, an edge of the opening if it is a bit lower.
         """
-        drop = self.config.drop
-        drop = 0.4 * drop if is_stuck else drop
+        drop = 0.4 * self._drop if is_stuck else self._drop
         is_in = bool(self._corner[2] < self._surface - drop)
         if is_in:
-            self._fell_at = self._corner * _LEVEL + 0.15 * self._part_corner
+            shift = 0.15 * (self._size * self._to_walls)
+            self._fell_at = self._corner * _LEVEL + shift
         return is_in
+
+    @property
+    def _has_fallen(self) -> bool:
+        """True while the corner is believed to be in the opening."""
+        return self._phase in (self._seat, self._straighten, self._push)
+
+    @property
+    def _is_on_the_way(self) -> bool:
+        """True while the part goes through free air."""
+        return self._phase in (self._lower, self._go_over, self._go_out)
+
+    def _is_beside(self) -> bool:
+        """Say whether the corner is where no opening that it fell into can be."""
+        return math.dist(self._corner[:2], self._fell_at[:2]) > self._wide
 
     def _is_astray(self) -> bool:
         """Say whether the part was pushed away, to where no path leads."""
@@ -242,28 +364,80 @@ class CornerSearch:
         way = self._path[0] - self._corner
         beside = float(np.abs(way[:2]).max())
         # Near the surface the arm is slow: what is far beside goes there above it.
-        height = c.over if beside < _BESIDE else max(c.over, self._fast_from)
+        height = c.over if beside < _BESIDE else max(self._above, self._fast_from)
         way[2] = height - self._corner[2]
         if max(beside, abs(way[2])) < _NEAR:
             self._begin(self._touch)
         if self._corner[2] < 0.6 * c.over:  # perhaps beside the fixture: up first
             way = np.array([0.0, 0.0, way[2] + _NEAR])
-        velocity = way / _RESPONSE
-        most = float(np.abs(velocity).max())
-        force = self._towards(velocity * min(1.0, self._air_speed / max(most, 1e-9)))
+            if self._is_still(_STUCK_STEPS):  # a part of the fixture hangs over it
+                self._begin(self._go_out)
         # What is deep in the opening, or beside the fixture, comes out upright.
         tilt = self.config.tilt if self._end[2] > self._surface - _DEEP else 0.0
-        return force, tilt
+        return self._through_air(way), tilt
+
+    def _through_air(self, way: Vec3) -> Vec3:
+        """Return the f* that makes up a way [m] through free air."""
+        velocity = way / _RESPONSE
+        most = float(np.abs(velocity).max())
+        return self._towards(velocity * min(1.0, self._air_speed / max(most, 1e-9)))
+
+    def _lower(self) -> tuple[Vec3, float]:
+        """Go upright to where the opening is believed, and down on it."""
+        c = self.config
+        if self._is_lowered_in():
+            return self._push()
+        if self._is_still(_TOUCH_STEPS) and self._end[2] < c.over:
+            self._begin(self._settle)
+        way = -self._end
+        if float(np.abs(self._end[:2]).max()) > _UPRIGHT:
+            way[2] = self._above - self._end[2]
+        elif self._end[2] < 2.0 * c.over:
+            way[2] = -c.touch_speed * _RESPONSE
+        return self._through_air(way), 0.0
+
+    def _settle(self) -> tuple[Vec3, float]:
+        """Press the upright part, and go round and round where it stands."""
+        c = self.config
+        if self._is_lowered_in():
+            return self._push()
+        if self._steps > _ROUNDS * self._around:
+            self._search()
+        phase = 2.0 * math.pi * self._steps / self._around
+        push = c.stir * np.array([math.cos(phase), math.sin(phase), 0.0])
+        push -= _HOLD * self._end * _LEVEL
+        return push - c.slide_press * _UP, 0.0
+
+    def _is_lowered_in(self) -> bool:
+        """Say whether the upright part is in the opening; then it is pushed on."""
+        if self._end[2] > -_DEEP:
+            return False
+        self._fell_at = self._corner * _LEVEL
+        self._begin(self._push)
+        return True
+
+    def _go_out(self) -> tuple[Vec3, float]:
+        """Go level away from the fixture, for a time."""
+        if self._steps > _OUT_STEPS:
+            self._begin(self._go_over)
+        away = self._end * _LEVEL
+        speed = self._slide_speed / max(float(np.linalg.norm(away)), 1e-9)
+        return self._towards(speed * away), 0.0
 
     def _touch(self) -> tuple[Vec3, float]:
         """Go down until something is in the way."""
-        c = self.config
-        if self._is_in():
+        c, is_still = self.config, self._is_still(_TOUCH_STEPS)
+        if self._is_in(is_still and self._side < 0.0):
             self._begin(self._seat)
-        elif self._is_still(_TOUCH_STEPS):
+        elif is_still:
             self._surface = float(self._corner[2])
+            self._is_touched = True
             self._begin(self._slide)
-        return self._towards(-c.touch_speed * _UP), c.tilt
+        way: Vec3 = np.zeros(3)
+        if self._has_steps:  # what ends near its opening is missed by a drift
+            way = (self._path[0] - self._corner) * _LEVEL / _RESPONSE
+            way *= min(1.0, c.touch_speed / max(float(np.linalg.norm(way)), 1e-9))
+        return self._towards(way - c.touch_speed * _UP), c.tilt
 
     def _slide(self) -> tuple[Vec3, float]:
         """Slide over the surface, along the path, until the corner falls in."""
@@ -273,7 +447,8 @@ class CornerSearch:
         if self._is_in(is_stuck):
             self._begin(self._seat)
             return press, tilt
-        while self._path and math.dist(self._path[0][:2], self._corner[:2]) < _PITCH:
+        here = self._corner[:2]
+        while self._path and math.dist(self._path[0][:2], here) < self._pitch:
             self._path.pop(0)
         if is_stuck and self._path:
             self._path.pop(0)
@@ -293,26 +468,29 @@ class CornerSearch:
     def _seat(self) -> tuple[Vec3, float]:
         """Push the corner into the opening's corner: then the end lies in the mouth."""
         c = self.config
-        towards = self._along
+        towards = self._to_walls
         way = (self._end - self._track[0]) * _LEVEL
         size = float(np.linalg.norm(way))
-        if size > _SLID and way @ self._along > 0.0:
+        if size > _SLID and way @ towards > 0.0:
             # Along the wall that it slides on already: what presses on it is friction.
-            towards = self._along + way / size
+            towards = towards + way / size
             towards /= np.linalg.norm(towards)
-        if self._end[2] < -_BESIDE:
-            self._search()
-        elif math.dist(self._corner[:2], self._fell_at[:2]) > self._wide:
-            self._surface = float(self._corner[2])  # lower than it was believed
+        if self._end[2] < -self._beside:
             self._search()
         elif self._corner[2] > self._surface - _LOST and self._steps > _TOUCH_STEPS:
             self._cross()
-        elif self._end[2] - self._surface < 0.3 * _DEEP or self._steps > _SEAT_STEPS:
+        elif self._is_seated() or self._steps > _SEAT_STEPS:
             self._begin(self._straighten)
-        lacking = self._slide_speed - float(self._velocity @ self._along)
+        lacking = self._slide_speed - float(self._velocity @ self._to_walls)
         growth = self._growth + c.seat_rate * POLICY_PERIOD * lacking
         self._growth = min(growth, c.friction)
         return self._pushed(c.seat_push + self._growth, towards), c.tilt
+
+    def _is_seated(self) -> bool:
+        """Say whether the end lies in the mouth, or its bore's corner at the post."""
+        if self._side < 0.0:
+            return self._is_still(_STILL_STEPS)
+        return bool(self._end[2] - self._surface < 0.3 * _DEEP)
 
     def _cross(self) -> None:
         """Begin again beside the way on which the corner came through the opening.
@@ -323,6 +501,8 @@ class CornerSearch:
         middle = 0.5 * (self._fell_at + self._corner) * _LEVEL
         beside = 0.25 * self._wide * self._tilt_axis
         self._search()
+        if self._others:
+            return
         self._path[:0] = [middle + beside, middle - beside]
 
     def _straighten(self) -> tuple[Vec3, float]:
@@ -332,7 +512,7 @@ class CornerSearch:
         if share >= 1.0:
             self._begin(self._push)
         tilt = c.tilt + min(1.0, share) * (self._leaning - c.tilt)
-        return self._pushed(c.hold_push, self._along), tilt
+        return self._pushed(c.hold_push, self._to_walls), tilt
 
     def _push(self) -> tuple[Vec3, float]:
         """Push the part in; where that does not help, go back to where it fell in."""
@@ -340,16 +520,85 @@ class CornerSearch:
         is_out = self._end[2] > deep
         is_lost = self._leaning > 0.0 and self._corner[2] > self._surface - _LOST
         wait = self._around if is_out else _PUSH_STEPS
-        if self._end[2] < -self._depth - _BESIDE:
+        is_stuck = self._is_still(_STILL_STEPS) and self._steps > wait
+        is_beside = self._has_steps and math.hypot(*self._end[:2]) > self._room
+        if self._end[2] < -self._depth - _BESIDE or (is_beside and not is_out):
             self._search()
-        elif is_lost or (self._is_still(_STILL_STEPS) and self._steps > wait):
-            self._search()
-            self._path.insert(0, self._fell_at)
+        elif is_stuck and self._is_at_step():
+            self._level = float(self._end[2])
+            # In turn about where it is believed, and about where the part stands.
+            is_here = self._tries % 2 == 0
+            self._step_at = self._end * _LEVEL if is_here else np.zeros(3)
+            self._begin(self._wind)
+            return self._wind()
+        elif is_stuck and not is_out and self._askew > 0.0:
+            if not self._is_touched and self._end[2] > self._surface - self._unsure:
+                self._surface = float(self._corner[2])  # lower than it was believed
+                self._search()
+            else:
+                self._level, self._upright = float(self._end[2]), self._yaw * _UP
+                self._begin(self._rock)
+                return self._rock()
+        elif is_lost or is_stuck:
+            self._go_back()
         elif is_out:
             return self._stirred(), self._leaning
         else:
             self._turn = self._yaw  # as the opening's walls turn it
         return self._shaken() - self.config.press * _UP, 0.0
+
+    def _go_back(self) -> None:
+        """Begin again where the corner fell in."""
+        self._search()
+        if not self._others:
+            self._path.insert(0, self._fell_at)
+
+    def _rock(self) -> tuple[Vec3, float]:
+        """Tilt on a spiral what is stuck, as it may be held askew, until it goes on."""
+        if self._end[2] < self._level - _FALLEN:
+            self._level = float(self._end[2])
+            self._steps = 0
+            self._upright = self._turned
+        time, turns = self._steps * POLICY_PERIOD, _ROCK_TURNS
+        radius = math.sqrt(time * _ROCK * turns / math.pi)
+        if radius >= self._askew:
+            self._go_back()
+            return self.config.press * _UP, 0.0
+        angle = 2.0 * math.pi * radius / turns
+        around = np.array([math.cos(angle), math.sin(angle), 0.0])
+        self._given = self._upright + radius * around
+        return self._shaken() - self.config.press * _UP, 0.0
+
+    def _is_at_step(self) -> bool:
+        """Say whether what holds the part may be a step inside the opening."""
+        x, y, z = self._end.tolist()
+        last = min(self._level, self._surface)
+        is_lower = -self._depth - _STEP < z < last - _STEP
+        return self._has_steps and is_lower and math.hypot(x, y) < _ROOM
+
+    def _wind(self) -> tuple[Vec3, float]:
+        """Slide upright on a spiral, at a step inside, until the part falls on."""
+        c = self.config
+        if self._end[2] < self._level - _FALLEN:
+            self._begin(self._push)
+            return -c.press * _UP, 0.0
+        radius = math.sqrt(self._steps * POLICY_PERIOD * _WIND * self._turns / math.pi)
+        if radius > _WIDEST:
+            self._search()
+            return c.press * _UP, 0.0
+        sway = 2.0 * math.pi * _SWAYS * self._steps * POLICY_PERIOD
+        self._turn = _SWAY * math.sin(sway)
+        angle = 2.0 * math.pi * radius / self._turns
+        out = np.array([math.cos(angle), math.sin(angle), 0.0])
+        target = self._step_at + radius * out
+        along = np.cross(_UP, out)
+        velocity = _WIND * along + _FOLLOW * (target - self._end) * _LEVEL
+        lacking = velocity - self._velocity * _LEVEL
+        more = self._friction + c.slide_rate * POLICY_PERIOD * lacking
+        size = float(np.linalg.norm(more))
+        self._friction = more * min(1.0, c.friction / max(size, 1e-9))
+        push = self._towards(velocity) + c.slide_gain * lacking + self._friction
+        return push - c.slide_press * _UP, 0.0
 
     def _stirred(self) -> Vec3:
         """Return a push into the opening's corner that tries all places and turns.
@@ -361,10 +610,10 @@ class CornerSearch:
         phase = 2.0 * math.pi * self._steps / self._around
         if self._leaning > 0.0:
             self._turn = c.turn * math.sin(phase)
-            return c.lean * self._along - c.press * _UP
+            return c.lean * self._to_walls - c.press * _UP
         around = c.stir * (1.0 + math.cos(phase))
         return (
-            around * self._along
+            around * self._to_walls
             + c.stir * math.sin(phase) * self._tilt_axis
             - c.press * _UP
         )
@@ -378,6 +627,51 @@ class CornerSearch:
     def _shaken(self) -> Vec3:
         phase = 2.0 * math.pi * _SHAKES * self._steps * POLICY_PERIOD
         return self.config.shake * math.sin(phase) * self._tilt_axis
+
+
+def _outline_of(env: ContactEnv) -> Outline:
+    """Return the opening of an environment's task, or refuse the environment."""
+    outline = env.task.outline()
+    if outline is None:
+        raise ConfigError(
+            f"a corner search needs a task that tells of its opening; "
+            f"{type(env.task).__name__} has no outline()"
+        )
+    if env.axes != TaskSpec.parse(SEARCH_AXES):
+        raise ConfigError(
+            f"a corner search needs the axes '{SEARCH_AXES}'; here they are "
+            f"'{env.axes}': add --task '{SEARCH_AXES}'"
+        )
+    return outline
+
+
+def _far_corners(opening: Array, radius: float) -> list[Array]:
+    """Return an opening's corners that are far from its middle, spread in their order.
+
+    Args:
+        opening: Closed line [m].
+        radius: Distance of the farthest one [m].
+    """
+    far = [one for one in opening[:-1] if math.hypot(*one) > _FAR * radius]
+    turned = sorted(range(len(far)), key=lambda i: i / _SPREAD % 1.0)
+    return [far[i] for i in turned]
+
+
+def _size_of(opening: Array, radius: float) -> float:
+    """Return the width in which a corner can fall in, of a circle its radius [m].
+
+    Args:
+        opening: Closed line.
+        radius: Distance of its farthest corner from the middle [m].
+    """
+    return min(radius, 2.0 * _inner_radius(opening))
+
+
+def _middle_of(line: Array) -> Array:
+    """Return the centre of the area in a closed line [m]."""
+    a, b = line[:-1], line[1:]
+    area = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
+    return ((a + b) * area[:, None]).sum(axis=0) / (3.0 * area.sum())
 
 
 def _inner_radius(opening: Array) -> float:

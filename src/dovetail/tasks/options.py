@@ -110,8 +110,9 @@ def parse_values(text: str, task: type[Task]) -> tuple[str, tuple[Any, ...]]:
             f"{text!r} does not vary an option of {task.__name__}; needed: NAME=A,B "
             f"with one of {known}"
         )
+    listed = task.listed(name, values)
     try:
-        return name, tuple(kind(value) for value in values.split(","))
+        return name, tuple(kind(value) for value in listed)
     except ValueError as error:
         raise ConfigError(f"{text!r}: {error}; needed: NAME=A,B") from error
 

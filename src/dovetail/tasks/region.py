@@ -7,7 +7,7 @@ import numpy as np
 from dovetail.poses import Pose, quat_about_z, quat_multiply
 from dovetail.tasks.fixture_pose import FixturePose
 from dovetail.types import Vec3
-from dovetail.workcell.cell_config import CellConfig
+from dovetail.workcell.workcell import Workcell
 
 
 class Region(NamedTuple):
@@ -36,13 +36,9 @@ class Region(NamedTuple):
         return cls(tuple(low[:3]), tuple(high[:3]), (low[3], high[3]))
 
     @classmethod
-    def of(cls, cell: CellConfig | None) -> Self | None:
-        """Return the region that a cell file gives, or None."""
-        if cell is None or cell.fixture_low is None:
-            return None
-        assert cell.fixture_high is not None
-        assert cell.fixture_yaw is not None
-        return cls(cell.fixture_low, cell.fixture_high, cell.fixture_yaw)
+    def of(cls, cell: Workcell) -> Self | None:
+        """Return the region of a cell's fixtures; None is the task's own."""
+        return None if cell.fixtures is None else cls(*cell.fixtures)
 
     @property
     def middle(self) -> Vec3:

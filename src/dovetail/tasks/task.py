@@ -17,6 +17,8 @@ from dovetail.tasks.fixture_pose import FixturePose
 from dovetail.tasks.grasp import Grasp
 from dovetail.tasks.region import Region
 from dovetail.tasks.reward import RewardConfig, distance_reward
+from dovetail.tasks.suited_robot import suited
+from dovetail.tasks.within_reach import within_reach
 from dovetail.types import Array, Vec3, Vec4
 from dovetail.workcell.cell_config import CellConfig
 from dovetail.workcell.parts import Part
@@ -64,6 +66,13 @@ class Outline(NamedTuple):
     """Depth of the opening below z = 0."""
     bottom: float
     """Lower face of the fixture, below z = 0; equal to the depth where it is open."""
+    is_straight: bool = True
+    """True if the opening is the same from mouth to floor: no step is inside."""
+    is_post: bool = False
+    """True if the line is that of a post, and the held part goes over it."""
+    corner: Array | None = None
+    """Corner of the line at which walls stop a part, x y [m]; None is the farthest from
+    the middle."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -97,6 +106,9 @@ class Task(ABC):
     """Largest displacement of the held part in the fingers."""
     recording_pose: ClassVar[FixturePose | None] = None
     """Pose of the fixture while an arm is identified; None is the first trial pose."""
+    zero_at: ClassVar[str] = ""
+    """Name of the place at `zero_offset`, if a policy holds for any other height of it
+    over the goal: then tasks differ in that alone, as deep and shallow openings do."""
     trial_region: ClassVar[Region | None] = None
     """Region in which the trial poses lie; None is the smallest one that holds them.
     Where a cell file gives a region of its own, they lie in it in the same way."""
@@ -172,6 +184,16 @@ class Task(ABC):
         """Return how far short of the goal is still success [m]."""
         return 0.0
 
+    def counted(self, error: Vec3, goal: Goal) -> Vec3:
+        """Return the error that the reward counts, usually as it is.
+
+        Args:
+            error: TCP minus the goal's position [m], world axes, shape (3,).
+            goal: Of the fixture's true pose.
+        """
+        del goal
+        return error
+
     def weigh(
         self, position_error: Vec3, theta_error: float, success: bool, force: float
     ) -> float:
@@ -179,7 +201,7 @@ class Task(ABC):
 
         Args:
             position_error: TCP minus the goal of the fixture's true pose [m], shape
-                (3,).
+                (3,), as `counted` returned it.
             theta_error: Rotation about the vertical minus the goal's [rad]; if `tilt`
                 is among the task's columns, the whole angle between the two.
             success: True if the task is done in this step.
@@ -213,6 +235,20 @@ class Task(ABC):
         return dict(options)
 
     @classmethod
+    def listed(cls, name: str, text: str) -> list[str]:
+        """Return the values of an option that a text lists, as A,B.
+
+        Args:
+            name: Of the option.
+            text: The list.
+
+        Raises:
+            ConfigError: It lists nothing.
+        """
+        del name
+        return text.split(",")
+
+    @classmethod
     def low_starts(cls) -> dict[str, Any]:
         """Return the settings with which starts lie below the fixture's surface.
 
@@ -228,41 +264,50 @@ class Task(ABC):
         """Return the cell in which a robot does this task.
 
         Args:
-            robot: The bare arm.
+            robot: The bare arm. One without a posture gets that of the task, and one
+                that says nothing of a gripper what it can brake with.
             cell: Facts of a cell file in the place of the task's own.
 
         Raises:
             ConfigError: The cell's facts exclude each other, or this task.
+            TorqueError: The arm is too weak for any tool.
         """
+        return self.cell_of(suited(robot, self, cell), cell)
+
+    def cell_of(self, robot: Robot, cell: CellConfig | None) -> Workcell:
+        """Return the cell of a robot as it is; see `workcell`."""
         usual = Workcell(
             name=", ".join(self.describe()),
             robot=robot,
-            tool=self.tool(),
+            tool=self.tool().held_by(robot.gripper),
             held=self.held(),
             make_fixture=self.fixture,
             heights=self.heights(),
             walls=self.walls,
         )
-        if cell is None:
-            return usual
-        fitted = cell.fit(usual)
-        self.require_region(cell, fitted)
+        fitted = usual if cell is None else cell.fit(usual)
+        if fitted.fixtures is None:
+            fitted = within_reach(
+                fitted,
+                self._usual_region,
+                self.trial_poses,
+                moves_walls=cell is None or not cell.gives_walls,
+            )
+        if cell is not None:
+            self.require_region(fitted)
         return fitted
 
-    def require_region(
-        self, cell: CellConfig, fitted: Workcell, margin: float = 0.005
-    ) -> None:
+    def require_region(self, fitted: Workcell, margin: float = 0.005) -> None:
         """Refuse a cell that keeps the task from where it is tried.
 
         Args:
-            cell: The region of fixtures, if it gives one.
-            fitted: Table, tool and walls.
+            fitted: Table, tool, walls, and the region of fixtures, if it has one.
             margin: Least distance of a place from the walls [m].
 
         Raises:
             ConfigError: Names the key, the place and what to write.
         """
-        region = Region.of(cell)
+        region = Region.of(fitted)
         if region is None:
             keys = (
                 "the task's own fixtures (give fixture_low, fixture_high, fixture_yaw)"
@@ -291,16 +336,19 @@ class Task(ABC):
                         unit="m",
                     )
 
-    def trial_poses_in(self, cell: CellConfig | None) -> tuple[FixturePose, ...]:
+    def trial_poses_in(self, cell: Workcell) -> tuple[FixturePose, ...]:
         """Return the poses of the fixture when a policy is tried in a cell."""
         return tuple(self.placed_in(cell, pose) for pose in self.trial_poses)
 
-    def placed_in(self, cell: CellConfig | None, place: FixturePose) -> FixturePose:
+    def placed_in(self, cell: Workcell, place: FixturePose) -> FixturePose:
         """Return one of the task's places as it lies in the region of a cell."""
         if (region := Region.of(cell)) is None:
             return place
-        usual = self.trial_region or Region.around(self.trial_poses)
-        return region.carry(place, usual)
+        return region.carry(place, self._usual_region)
+
+    @property
+    def _usual_region(self) -> Region:
+        return self.trial_region or Region.around(self.trial_poses)
 
 
 def axis_of(fixture: Pose) -> Vec3:

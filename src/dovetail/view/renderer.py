@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from dovetail.plants.mjcf import model_positions
 from dovetail.poses import Pose, matrix_from_quat
 from dovetail.types import Array, Mat33, Vec3, Vec7
 from dovetail.view.cell_model import cell_spec
@@ -110,7 +111,7 @@ class Renderer:
         body = self._model.body("fixture").id
         self._fixture = np.flatnonzero(self._model.geom_bodyid == body)
         self._corners = cell.fixture.corners
-        self._starts = cell.joint_starts
+        self._joints, self._starts = cell.joints, cell.joint_starts
         self._size = height, width
         self._gl = GlThread(width, height)
         scale = self._mujoco.mjtFontScale.mjFONTSCALE_100.value
@@ -151,8 +152,9 @@ class Renderer:
                 start.
         """
         mujoco, data, scene = self._mujoco, self._data, self._scene
-        is_known = parts is not None and len(parts) > 0
-        data.qpos[:7], data.qpos[7:] = q, parts if is_known else self._starts
+        if parts is None or not len(parts):
+            parts = self._starts
+        data.qpos[:] = model_positions(q, self._joints, parts)
         data.mocap_pos[0], data.mocap_quat[0] = fixture
         if plate is not None:
             data.mocap_pos[1], data.mocap_quat[1] = plate

@@ -28,8 +28,20 @@ from dovetail.settings import (
     values_of,
 )
 from dovetail.workcell.parts import Part
-from dovetail.workcell.tool import OPENING_MAX, Tool, bare_flange, wsg50
-from dovetail.workcell.workcell import START_MARGIN, TABLE, Walls, Workcell
+from dovetail.workcell.tool import (
+    GRIPPERS,
+    OPENING_MAX,
+    Tool,
+    bare_flange,
+    grip_with,
+)
+from dovetail.workcell.workcell import (
+    START_MARGIN,
+    TABLE,
+    Fixtures,
+    Walls,
+    Workcell,
+)
 
 _XYZ = ("x", "y", "z")
 _PLACE = Range(-3.0, 3.0, "m", _XYZ)
@@ -57,9 +69,10 @@ class TableConfig:
 class ToolConfig:
     """The tool on the flange."""
 
-    tool: Literal["wsg50", "none"] | None = None
-    """Tool: wsg50, or none: the part is on the flange, by a holder of the length and
-    mass that are given. Left out, it is the task's own, usually wsg50."""
+    tool: Literal["wsg50", "franka_hand", "robotiq_2f85", "none"] | None = None
+    """Tool: a gripper, or none: the part is on the flange, by a holder of the length
+    and mass that are given. Left out, it is the robot's usual gripper, or the task's
+    own tool."""
     tool_length: Annotated[float | None, Range(0.03, 1.5, "m")] = None
     """Flange to the TCP, which is the end of the held part [m]; usually 0.18."""
     tool_mass: Annotated[float | None, Range(0.0, 30.0, "kg")] = None
@@ -147,6 +160,12 @@ class CellConfig(TableConfig, ToolConfig, BoundsConfig):
         """Path of the file that it was read from, else a name for one."""
         return str(vars(self).get("_file", "cell.toml"))
 
+    @property
+    def gives_walls(self) -> bool:
+        """True if the file says where the TCP may go, or start."""
+        given = self.walls_low, self.walls_high, self.start_low
+        return any(corner is not None for corner in given)
+
     def table(self) -> dict[str, Any]:
         """Return what differs from the usual cell, by key, as a file holds it."""
         usual, own = defaults_of(CellConfig), values_of(self)
@@ -188,6 +207,7 @@ class CellConfig(TableConfig, ToolConfig, BoundsConfig):
             place=usual.place if self.fixture_low is None else self._place(),
             tool=self._tool(usual.tool, usual.held),
             walls=walls,
+            fixtures=self._fixtures(),
             table=self.top(),
             starts=self._starts(),
         )
@@ -197,6 +217,13 @@ class CellConfig(TableConfig, ToolConfig, BoundsConfig):
         middle = (np.array(self.fixture_low) + np.array(self.fixture_high)) / 2.0
         yaw = float(np.mean(self.fixture_yaw or 0.0))
         return Pose(middle, quat_about_z(yaw))
+
+    def _fixtures(self) -> Fixtures | None:
+        if self.fixture_low is None:
+            return None
+        assert self.fixture_high is not None
+        assert self.fixture_yaw is not None
+        return self.fixture_low, self.fixture_high, self.fixture_yaw
 
     def _starts(self) -> Walls | None:
         if self.start_low is None or self.start_high is None:
@@ -258,19 +285,20 @@ class CellConfig(TableConfig, ToolConfig, BoundsConfig):
                 unit="m",
                 allowed=(own.opening, OPENING_MAX),
             )
-        if self.tool is None and length is None and mass is None:
+        if self.tool in (None, own.name) and length is None and mass is None:
             return own
         if own.opening is None:
             raise ConfigError(
                 f"cell tool, tool_length or tool_mass is given, and the task has a "
                 f"tool of its own, {own.name}: leave them out, or let the task's "
-                "tool() return a wsg50"
+                "tool() return a gripper"
             )
-        return wsg50(
+        return grip_with(
+            GRIPPERS[self.tool or own.name],
             opening=own.opening,
             reach=reach,
-            length=own.length if length is None else length,
-            mass=own.mass if mass is None else mass,
+            length=length,
+            mass=mass,
         )
 
 

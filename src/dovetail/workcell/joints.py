@@ -1,4 +1,4 @@
-"""Joints of parts: shapes that slide or turn on a part, with spring, stops and detents.
+"""Joints of parts: shapes that turn, slide or screw, with spring, stops and detents.
 
 The force of a joint is one formula for every engine, `Joint.law`. Engines step it
 linearly implicitly: damping is `law.implicit_damping`, D = d + h k, and h D is added to
@@ -6,6 +6,10 @@ the inertia, h being the physics step [s]. That is the implicit Euler method: fo
 rest are exact, and no spring is unstable. It damps a vibration that the step does not
 resolve, so `Joint.require_steppable` refuses a spring with less than `STEPS` steps in a
 period of its vibration.
+
+A screw is a hinge whose shapes also go along the axis, by its lead s = pitch / (2 pi)
+for each radian. Its one position is the angle, and a force F along the axis is a torque
+s F: its inertia is I + m s^2.
 
 The engines let shapes of one part pass through each other: a stop is the end of a
 joint's range, not a shape.
@@ -29,7 +33,12 @@ STEPS = 2.0 * math.pi
 """Fewest physics steps in a period of a spring's vibration. With x = omega h a step
 leaves (1 + x^2)^(-1/2) of a swing and turns by atan x: at this limit, x = 1, 0.11 of it
 is left after a period's steps, which is 1.27 times as long; at x = 0.1, 0.73."""
-_UNITS = {"hinge": ("rad", "Nm", "kg m2"), "slide": ("m", "N", "kg")}
+_TURNING = "rad", "Nm", "kg m2"
+_UNITS = {"hinge": _TURNING, "screw": _TURNING, "slide": ("m", "N", "kg")}
+_TURNS = {"hinge": 1.0, "screw": 100.0}
+"""Largest distance of a stop from 0 [turns]."""
+_PITCH = 1e-5, 0.1
+"""Least and largest pitch of a screw [m]; those of bolts are 0.2 to 6 mm."""
 
 
 class Detent(NamedTuple):
@@ -45,18 +54,21 @@ class Detent(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Joint:
-    """A hinge or a slide of a part, in the part's frame."""
+    """A hinge, a slide or a screw of a part, in the part's frame."""
 
     name: str
     """Its name in messages, logs and observations."""
-    kind: Literal["hinge", "slide"]
-    """A hinge turns about an axis [rad], a slide moves along one [m]."""
+    kind: Literal["hinge", "slide", "screw"]
+    """A hinge turns about an axis [rad], a slide moves along one [m], a screw does
+    both [rad]."""
     axis: Vec3
     """Direction of the axis, of any length above 0."""
     range: tuple[float, float] | None = None
     """Lower and upper stop [rad, m]. It has no default: a joint ends somewhere."""
     origin: Vec3 = field(default_factory=lambda: np.zeros(3))
-    """A point of a hinge's axis [m]."""
+    """A point of the axis of a hinge or a screw [m]."""
+    pitch: float = 0.0
+    """Way of a screw along its axis in a turn [m]; below 0 it is left-handed."""
     start: float = 0.0
     """Position after a reset [rad, m]; the shapes are given at position 0."""
     stiffness: float = 0.0
@@ -80,7 +92,7 @@ class Joint:
             ConfigError: Names the joint, the number and what is allowed.
         """
         if self.kind not in _UNITS:
-            raise self._error("kind", self.kind, "", "hinge or slide")
+            raise self._error("kind", self.kind, "", "hinge, slide or screw")
         if not self.name.isidentifier():
             allowed = "a word of letters, digits and _: it names a column of logs"
             raise self._error("name", self.name, "", allowed)
@@ -96,6 +108,7 @@ class Joint:
             raise self._error("origin", self.origin, "m", "three numbers")
         set_(self, "origin", origin)
         set_(self, "detents", tuple(Detent(*d) for d in self.detents))
+        self._check_pitch()
         self._check_range(unit)
         for name, value, of in (
             ("stiffness", self.stiffness, f"{force}/{unit}"),
@@ -106,6 +119,16 @@ class Joint:
             if not 0.0 <= value < math.inf:
                 raise self._error(name, value, of, "0 or more")
         self._check_detents(unit, force)
+
+    def _check_pitch(self) -> None:
+        if self.kind != "screw":
+            if self.pitch:
+                allowed = f"none to a {self.kind}, or make it a screw"
+                raise self._error("pitch", self.pitch, "m", allowed)
+        elif not _PITCH[0] <= abs(self.pitch) <= _PITCH[1]:
+            sizes = f"{_PITCH[0]:g} to {_PITCH[1]:g} m"
+            allowed = f"its way in a turn, {sizes}, or below 0 if it is left-handed"
+            raise self._error("pitch", self.pitch, "m", allowed)
 
     def _check_detents(self, unit: str, force: str) -> None:
         low, high = self.stops
@@ -122,7 +145,7 @@ class Joint:
                 "range", None, "", f"range=(low, high) in {unit}: its two stops"
             )
         low, high = self.range
-        largest = 2.0 * math.pi if self.kind == "hinge" else 1.0
+        largest = 2.0 * math.pi * _TURNS[self.kind] if unit == "rad" else 1.0
         if not -largest <= low < high <= largest:
             allowed = f"low below high, both within {largest:.4g} of 0"
             raise self._error("range", self.range, unit, allowed)
@@ -158,6 +181,11 @@ class Joint:
         assert self.range is not None
         return self.range
 
+    @property
+    def lead(self) -> float:
+        """Way along the axis for each radian [m/rad]; 0 but for a screw."""
+        return self.pitch / (2.0 * math.pi)
+
     @cached_property
     def law(self) -> "_core.PartJoint":
         """Force and stiffness of spring and detents, as every engine computes them."""
@@ -186,7 +214,7 @@ class Joint:
             return q * self.axis, np.eye(3)
         half = 0.5 * q
         R = matrix_from_quat(np.array([math.cos(half), *(math.sin(half) * self.axis)]))
-        return self.origin - R @ self.origin, R
+        return self.origin - R @ self.origin + q * self.lead * self.axis, R
 
     def moved(self, position: Vec3, quat_wxyz: Vec4) -> "Joint":
         """Return it in a frame in which its part's frame lies at this pose."""

@@ -262,6 +262,23 @@ def _find_crossing(line: Array) -> tuple[int, int, tuple[float, float]] | None:
     return None
 
 
+def moved_corners(line: Array, distance: float) -> Array:
+    """Return the corners of a closed line with its edges moved outwards [m].
+
+    As `offset_line`, but none is refused: a corner that is sharper than 60 degrees
+    moves twice the distance, and edges that vanish turn round.
+    """
+    along = np.roll(line, -1, axis=0) - line
+    along = along / np.linalg.norm(along, axis=1, keepdims=True)
+    normals = np.stack([along[:, 1], -along[:, 0]], axis=1)
+    before = np.roll(normals, 1, axis=0)
+    spread = 1.0 + np.einsum("ij,ij->i", before, normals)
+    moved = distance * (before + normals) / np.maximum(spread, 1e-9)[:, None]
+    length = np.linalg.norm(moved, axis=1, keepdims=True)
+    most = 2.0 * abs(distance)
+    return line + moved * np.minimum(1.0, most / np.maximum(length, 1e-30))
+
+
 def offset_line(line: Array, distance: float) -> Array:
     """Return a closed line with every edge moved outwards by a distance [m].
 

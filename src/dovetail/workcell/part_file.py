@@ -34,7 +34,9 @@ from dovetail.workcell.shapes import (
 MAX_SHAPES = 500
 """Most shapes that a part lists."""
 MAX_PIECES = 3000
-"""Most convex pieces of a fixture; of a held part a tenth."""
+"""Most convex pieces of a fixture."""
+MAX_HELD_PIECES = 1000
+"""Most convex pieces of a held part; each step moves them all."""
 _GAP = Range(0.0, 0.010, "m")
 _DENSITY = Range(1.0, 25000.0, "kg/m3")
 _WALL = 0.015
@@ -99,7 +101,7 @@ class ShortForm:
 _LENGTHS = ("depth", "gap", "length", "chamfer", "floor", "block")
 
 
-@lru_cache(maxsize=64)
+@lru_cache(maxsize=512)
 def read_pair(text: str) -> Pair:
     """Return the pair that a definition describes.
 
@@ -139,7 +141,7 @@ def _pair(name: str, table: Mapping[str, Any]) -> Pair:
     gap = Gap(gap=scale("gap", rest["gap"], unit)).gap
     held, density = _read_shapes("held", rest["held"], unit)
     fixture, _ = _read_shapes("fixture", rest["fixture"], unit)
-    pieces = _limited("held part", held(0.0), MAX_PIECES // 10).primitives
+    pieces = _limited("held part", held(0.0), MAX_HELD_PIECES).primitives
     lowest = min(float(one.corners()[:, 2].min()) for one in pieces)
     if lowest > -0.001:
         raise ConfigError(
@@ -148,11 +150,12 @@ def _pair(name: str, table: Mapping[str, Any]) -> Pair:
             "mouth at z = 0",
             name="held",
         )
-    _ = _limited("fixture", fixture(0.0))  # refuses what cannot be
+    make = lru_cache(maxsize=4)(lambda widened: _limited("fixture", fixture(widened)))
+    _ = make(0.0)  # refuses what cannot be
     return Pair(
         name,
         _in_tool("held part", pieces, -lowest, density),
-        lambda widened: _limited("fixture", fixture(widened)),
+        make,
         gap,
         -lowest,
     )

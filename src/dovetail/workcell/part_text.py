@@ -16,6 +16,8 @@ TEXT_MAX = 1_000_000
 """Longest definition [characters]."""
 _NAME_MAX = 40
 """Longest name of a part [characters]."""
+_COMMON = "part"
+"""Stem of a file that lies in a folder of its own, which names it."""
 _DEEPEST = 4
 """Most files that name one another."""
 
@@ -39,7 +41,8 @@ def whole_part(path: str | Path) -> str:
         return require_whole(path)
     file = Path(path).expanduser()
     table = _read(file, ())
-    table.setdefault("name", file.stem[:_NAME_MAX])
+    own = file.absolute().parent.name if file.stem == _COMMON else file.stem
+    table.setdefault("name", own[:_NAME_MAX])
     try:
         text = json.dumps(table, allow_nan=False, separators=(", ", ": "))
     except ValueError as error:

@@ -1,6 +1,7 @@
 """Rigid parts as primitives, with mass and colour, the same for every engine."""
 
 import math
+from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
@@ -153,7 +154,7 @@ class Moving:
     def at(self, q: float) -> tuple[Primitive, ...]:
         """Return its shapes at a joint position [rad, m], in the part's frame."""
         position, R = self.joint.turn(q)
-        half = 0.5 * q if self.joint.kind == "hinge" else 0.0
+        half = 0.0 if self.joint.kind == "slide" else 0.5 * q
         quat = np.array([math.cos(half), *(math.sin(half) * self.joint.axis)])
         return tuple(
             s._replace(
@@ -180,7 +181,7 @@ class Moving:
             return mass + joint.armature
         arm = np.cross(joint.axis, com - joint.origin)
         turning = joint.axis @ about @ joint.axis + mass * (arm @ arm)
-        return float(turning) + joint.armature
+        return float(turning) + mass * joint.lead**2 + joint.armature
 
 
 @dataclass(frozen=True, eq=False)
@@ -192,7 +193,8 @@ class Part:
     primitives: tuple[Primitive, ...]
     """Its shapes, in the part's own frame."""
     moving: tuple[Moving, ...] = ()
-    """Shapes that slide or turn on it; shapes of one part pass through each other."""
+    """Shapes that turn, slide or screw on it; shapes of one part pass through each
+    other."""
 
     def __post_init__(self) -> None:
         """Refuse shapes that no engine can build.
@@ -208,10 +210,10 @@ class Part:
         if twice := [name for name in joints if joints.count(name) > 1]:
             raise ConfigError(f"part {self.name} has two joints {twice[0]!r}")
         shapes = [s for piece in (self, *self.moving) for s in piece.primitives]
-        names = [primitive.name for primitive in shapes]
+        names = Counter(primitive.name for primitive in shapes)
         for primitive in shapes:
             name, kind, mass = primitive.name, primitive.kind, primitive.mass
-            if names.count(name) > 1:
+            if names[name] > 1:
                 raise ConfigError(f"part {self.name} has two shapes {name!r}")
             if kind not in _SIZES:
                 raise ConfigError(

@@ -26,6 +26,10 @@ class Reach(NamedTuple):
     aside: float
     """Distance of the wrist from the tool's axis [m]."""
 
+    def excess(self, distance: float) -> float:
+        """Return by how much a wrist so far from the shoulder is out of reach [m]."""
+        return max(distance - self.farthest, self.nearest - distance) - self.aside
+
 
 @lru_cache(maxsize=64)
 def reach_of(robot: Robot) -> Reach:

@@ -4,12 +4,17 @@ from typing import Any
 
 import numpy as np
 
+from dovetail.errors import ConfigError
 from dovetail.types import Array
 from dovetail.workcell.outline import Outline
 from dovetail.workcell.planar import import_shapely
 
 _DENT = 1e-10
 """Largest depth of a dent that a convex piece fills [m]."""
+_LEAST_AREA = 1e-10
+"""Area that is left out where an offset cuts it off [m2]."""
+_SLIVER = 3e-6
+"""Width of a piece beside others below which it is left out [m]."""
 
 
 def convex_pieces(outline: Outline) -> list[Array]:
@@ -28,7 +33,47 @@ def convex_pieces(outline: Outline) -> list[Array]:
     triangles = shapely.get_coordinates(shapely.get_parts(found)).reshape(-1, 4, 2)
     flat = triangles[:, :3].reshape(-1, 2)
     points, index = np.unique(flat, axis=0, return_inverse=True)
-    return _merge(points, index.reshape(-1, 3))
+    pieces = _merge(points, index.reshape(-1, 3))
+    wide = [piece for piece in pieces if _width(piece) > _SLIVER]
+    return wide or pieces
+
+
+def _width(line: Array) -> float:
+    """Return the extent of points along the axis in which they extend least [m]."""
+    centred = line - line.mean(axis=0)
+    axis = np.linalg.svd(centred, full_matrices=False)[2][-1]
+    return float(np.ptp(centred @ axis))
+
+
+def areas_offset(outline: Outline, distance: float) -> list[Outline]:
+    """Return an outline with every edge moved outwards [m].
+
+    Where an edge vanishes, as the short ones of a mesh's section do, the neighbours
+    meet; an area may fall apart, or a cutout close.
+
+    Raises:
+        ConfigError: Nothing is left.
+        MissingDependencyError: shapely is not installed.
+    """
+    try:
+        return [outline.offset(distance)]
+    except ConfigError:
+        shapely = import_shapely()
+        area = shapely.Polygon(outline.outer, outline.cutouts)
+        moved = area.buffer(distance, join_style="mitre", mitre_limit=2.0)
+        parts = [one for one in shapely.get_parts(moved) if one.area > _LEAST_AREA]
+        if not parts:
+            raise
+        return [
+            Outline(_corners(one.exterior), tuple(map(_corners, one.interiors)))
+            for one in parts
+        ]
+
+
+def _corners(line: Any) -> Array:
+    """Return the corners of a closed line of shapely, counter-clockwise."""
+    corners = np.array(line.coords)[:-1]
+    return corners if line.is_ccw else corners[::-1]
 
 
 def _merge(points: Array, triangles: Any) -> list[Array]:

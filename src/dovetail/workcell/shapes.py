@@ -11,12 +11,13 @@ from dovetail.poses import quat_about_z
 from dovetail.settings import Range, settings
 from dovetail.types import Array
 from dovetail.workcell.hull import solid_of, thinner
-from dovetail.workcell.outline import Outline, read_outline
+from dovetail.workcell.outline import Outline, moved_corners, read_outline
 from dovetail.workcell.parts import IDENTITY, Primitive
-from dovetail.workcell.sections import convex_pieces
+from dovetail.workcell.sections import areas_offset, convex_pieces
 
 _LENGTH = Range(-1.0, 1.0, "m")
 _MAX_CORNERS = 500
+_LEAN_MAX = 0.2  # [m]
 _RECTANGLES = {"square": (0, 0), "rectangle": (0, 1)}
 """Words of outlines that become boxes, and which of their numbers are x and y."""
 
@@ -35,6 +36,9 @@ class Shape:
     """Place of the outline's origin."""
     turn_deg: Annotated[float, Range(-360.0, 360.0, "deg")] = 0.0
     """Turn of the outline about its origin."""
+    lean: Any = None
+    """Way [x, y] of each corner of the outline, then of its cutouts, from the middle
+    height to the upper one; the same back to the lower one. Left out, it is upright."""
     corners: Any = None
     """Points [x, y, z] whose hull the shape is, in place of an outline."""
 
@@ -43,8 +47,8 @@ class Shape:
         """Refuse a shape that is neither or both."""
         if (self.outline is None) == (self.corners is None):
             raise ConfigError("give a shape either an outline with z, or corners")
-        if self.corners is not None and self.z is not None:
-            raise ConfigError("corners have their own heights: leave z out")
+        if self.corners is not None and (self.z or self.lean) is not None:
+            raise ConfigError("corners have their own heights: leave z and lean out")
         if self.outline is not None and (self.z is None or not self.z[0] < self.z[1]):
             raise ConfigError(
                 f"z is {self.z}; give the lowest and the highest height of the outline"
@@ -114,29 +118,88 @@ def primitives(
     low, high = shape.z
     place = np.array([*shape.at, (low + high) / 2.0])
     outline = read_outline(f"outline of {name}", shape.outline, unit, shape.cutouts)
-    radius = float(np.linalg.norm(outline.outer[0])) - thinner_by
-    outline = outline.offset(-thinner_by) if thinner_by else outline
-    word = shape.outline.split()[0] if isinstance(shape.outline, str) else ""
     half = (high - low) / 2.0
+    if shape.lean is not None:
+        lean = _read_lean(name, shape.lean, outline, unit)
+        for one in _leaning(name, outline, lean, half, thinner_by):
+            yield one._replace(position=place, quat_wxyz=turn)
+        return
+    radius = float(np.linalg.norm(outline.outer[0])) - thinner_by
+    outlines = areas_offset(outline, -thinner_by) if thinner_by else [outline]
+    word = shape.outline.split()[0] if isinstance(shape.outline, str) else ""
     if word == "circle" and not shape.cutouts:
         yield Primitive(f"{name}_0", "cylinder", (radius, half), place, turn)
     elif word in _RECTANGLES and not shape.cutouts:
-        x, y = outline.outer.max(axis=0).tolist()
+        x, y = outlines[0].outer.max(axis=0).tolist()
         yield Primitive(f"{name}_0", "box", (x, y, half), place, turn)
     else:
-        for one in extrude(name, outline, -half, half):
+        pieces = [one for area in outlines for one in convex_pieces(area)]
+        for one in _upright(name, pieces, -half, half):
             yield one._replace(position=place, quat_wxyz=turn)
 
 
 def extrude(name: str, outline: Outline, low: float, high: float) -> list[Primitive]:
     """Return an outline from one height to another, as convex pieces [m]."""
+    return _upright(name, convex_pieces(outline), low, high)
+
+
+def _upright(
+    name: str, pieces: list[Array], low: float, high: float
+) -> list[Primitive]:
     return [
         hull_of(
             f"{name}_{i}",
             np.vstack([np.insert(piece, 2, z, axis=1) for z in (low, high)]),
         )
-        for i, piece in enumerate(convex_pieces(outline))
+        for i, piece in enumerate(pieces)
     ]
+
+
+def _read_lean(name: str, value: Any, outline: Outline, unit: float) -> Array:
+    """Return the way of each corner up to the upper height, shape (corners, 2)."""
+    count = sum(map(len, (outline.outer, *outline.cutouts)))
+    listed = list(value) if isinstance(value, list | tuple) else []
+    if len(listed) != count or not all(
+        isinstance(one, list | tuple) and len(one) == 2 for one in listed
+    ):
+        raise ConfigError(
+            f"lean of {name} is {str(value)[:60]}; give a way [x, y] for each of its "
+            f"{count} corners"
+        )
+    lean = np.array(scale(f"lean of {name}", listed, unit))
+    if not (np.abs(lean) <= _LEAN_MAX).all():
+        raise ConfigError(
+            f"lean of {name} is up to {np.abs(lean).max():g} m; allowed: up to "
+            f"{_LEAN_MAX:g} m"
+        )
+    return lean
+
+
+def _leaning(
+    name: str, outline: Outline, lean: Array, half: float, thinner_by: float
+) -> list[Primitive]:
+    """Return an outline whose corners lean, as convex pieces.
+
+    It is cut at the middle height; a piece is the hull of where its corners are at the
+    lower and at the upper height.
+    """
+    lines = (outline.outer, *outline.cutouts)
+    corners = np.vstack(lines)
+    index = {(x, y): i for i, (x, y) in enumerate(corners.tolist())}
+    if thinner_by:
+        outwards = [-thinner_by, *[thinner_by] * len(outline.cutouts)]
+        corners = np.vstack(
+            [moved_corners(*both) for both in zip(lines, outwards, strict=True)]
+        )
+    pieces = []
+    for piece in convex_pieces(outline):
+        rows = [index[x, y] for x, y in piece.tolist()]
+        ends = [
+            np.insert(corners[rows] + sign * lean[rows], 2, sign * half, axis=1)
+            for sign in (-1.0, 1.0)
+        ]
+        pieces.append(hull_of(f"{name}_{len(pieces)}", np.vstack(ends)))
+    return pieces
 
 
 def hull_of(name: str, corners: Array) -> Primitive:

@@ -22,6 +22,8 @@ from dovetail.workcell.parts import Moving, Part, Primitive, mass_centre_inertia
 from dovetail.workcell.reach import reach_of
 from dovetail.workcell.tool import Tool
 
+Fixtures = tuple[tuple[float, ...], tuple[float, ...], tuple[float, ...]]
+"""Lower and upper corner of a box of fixtures [m], and their range of turn [rad]."""
 Walls = tuple[tuple[float, ...], tuple[float, ...]]
 """Lower and upper walls of the TCP [m], world axes."""
 
@@ -74,8 +76,17 @@ class Workcell:
     starts: Walls | None = None
     """Lower and upper corner of the box in which the TCP starts [m]; None is all that
     the walls allow."""
+    fixtures: Fixtures | None = None
+    """Region of the fixtures; None is where their task draws them."""
+    note: str = ""
+    """Difference from the task's own places, in words, where the arm is too short."""
     widened_by: float = 0.0
     """Widening of the gaps beyond the task's [m]: a twin's difference."""
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Notes about the robot, and about where its fixtures are."""
+        return (*self.robot.all_notes, *filter(None, [self.note]))
 
     @cached_property
     def fixture(self) -> Part:
@@ -220,12 +231,8 @@ class Workcell:
                 f"the table: the lowest that it can be is {z + inside:.4f} m; raise it"
             )
         arm = reach_of(self._loaded)
-        out = matrix_from_quat(fixture.quat_wxyz)[:, 2]
-        for height in self.heights:
-            wrist = fixture.position + (height + arm.above) * out
-            distance = float(np.linalg.norm(wrist - arm.shoulder))
-            excess = max(distance - arm.farthest, arm.nearest - distance) - arm.aside
-            if excess > 0.0:
+        for distance in self._wrist_distances(fixture):
+            if (excess := arm.excess(distance)) > 0.0:
                 at = np.round(fixture.position, 4).tolist()
                 is_far = distance > arm.nearest
                 side = "too far" if is_far else "too near"
@@ -237,6 +244,18 @@ class Workcell:
                     f"{arm.farthest:.3f} m can be reached{held}; move it, or change "
                     "the tool"
                 )
+
+    def out_of_reach(self, fixture: Pose) -> float:
+        """Return how far a fixture is out of reach [m]; below 0 is room to spare."""
+        arm = reach_of(self._loaded)
+        return max(arm.excess(d) for d in self._wrist_distances(fixture))
+
+    def _wrist_distances(self, fixture: Pose) -> list[float]:
+        """Return the distances of the wrist from the shoulder there, by height [m]."""
+        arm = reach_of(self._loaded)
+        out = matrix_from_quat(fixture.quat_wxyz)[:, 2]
+        wrists = (fixture.position + (h + arm.above) * out for h in self.heights)
+        return [float(np.linalg.norm(wrist - arm.shoulder)) for wrist in wrists]
 
 
 def _payload(shapes: list[Primitive]) -> Payload:

@@ -4,6 +4,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
+import numpy as np
+
 from dovetail.errors import ConfigError
 from dovetail.tasks.connector.geometry import (
     DEPTH,
@@ -18,6 +20,7 @@ from dovetail.tasks.drawn_opening import DrawnOpening
 from dovetail.tasks.grasp import Grasp
 from dovetail.tasks.opening import widened_gap
 from dovetail.tasks.starts import RandomisationConfig
+from dovetail.tasks.task import Outline
 from dovetail.workcell.parts import Part
 from dovetail.workcell.tool import Tool, wsg50
 
@@ -90,6 +93,14 @@ class Connector(DrawnOpening):
     def depths(self) -> tuple[float, float]:
         """Return how deep the port is, and which depth is done [m]."""
         return DEPTH, SUCCESS_DEPTH
+
+    def outline(self) -> Outline:
+        """Return the port from above, and the board around it."""
+        x, y = (side / 2.0 for side in SECTIONS[self.connector].port)
+        opening = np.array([[x, y], [-x, y], [-x, -y], [x, -y], [x, y]])
+        corners = self.fixture(0.0).corners
+        outer = float(np.abs(corners[:, :2]).max())
+        return Outline(opening, outer, DEPTH, -float(corners[:, 2].min()))
 
     def describe(self) -> list[str]:
         """Return the connector in words."""

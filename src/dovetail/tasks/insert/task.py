@@ -3,7 +3,8 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
-from typing import Any, NamedTuple
+from pathlib import Path
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -13,12 +14,21 @@ from dovetail.poses import TOOL_DOWN, Pose
 from dovetail.robots.robot import GRAVITY
 from dovetail.tasks.drawn_opening import DrawnOpening
 from dovetail.tasks.insert.overlap import deepest_overlap
+from dovetail.tasks.region import Region
 from dovetail.tasks.starts import RandomisationConfig
-from dovetail.tasks.task import Outline
+from dovetail.tasks.task import Goal, Outline
+from dovetail.types import Array, Vec3
+from dovetail.workcell.end_outline import end_outline
+from dovetail.workcell.near_mouth import (
+    post_line,
+    sections_near_mouth,
+    walled_corner,
+)
 from dovetail.workcell.part_file import Pair, read_pair
 from dovetail.workcell.part_text import require_whole, whole_part
 from dovetail.workcell.parts import Part
 from dovetail.workcell.tool import GRIP, Tool, wsg50
+from dovetail.workcell.workcell import WALLS
 
 HEXAGON = (
     '{"name": "hexagon", "units": "mm", "outline": "hexagon 20", "depth": 20, '
@@ -33,8 +43,15 @@ LENGTH_MAX = 0.110
 """Longest part between flange and TCP [m]: with it the fingers are 17 mm long."""
 _SLACK = 0.002  # [m] above the floor that is deep enough, at most a tenth of the depth
 _OVERLAP = 1e-5  # [m] of two parts in one another, beyond rounding
-BELOW_MAX = 0.075
-"""Most that a fixture reaches below its mouth [m]: mouths are 80 to 120 mm high."""
+RAISED_MAX = 0.040
+"""Most that a fixture stands higher than others do [m]: starts are up to 120 mm over
+its mouth, and keep 20 mm from the walls of the TCP."""
+_USUAL = RandomisationConfig()
+_LOWEST = _USUAL.middle[2] - _USUAL.half_range[2]
+"""Lowest mouth of a usual fixture [m]."""
+_UNDER, _WALL_ROOM = 0.005, 0.020
+"""Least space under a fixture, and over the TCP's lower wall: what limits keep at 5 ms
+[m]."""
 
 
 class _Facts(NamedTuple):
@@ -48,6 +65,8 @@ class _Facts(NamedTuple):
     """Width between the fingers [m]."""
     starts: RandomisationConfig
     """Usual ranges of starts and fixtures."""
+    raised: float
+    """Height of the mouth above that of other fixtures [m]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,6 +81,10 @@ class Insert(DrawnOpening):
     part: str = HEXAGON
     """Parts that go together: the path of a TOML file, see docs/your-own-part.md. The
     task, and a policy, hold the content."""
+    zero_at: ClassVar[str] = "mouth"
+    """A policy sees how high the part is over the mouth, not over the floor: it holds
+    for any depth. Not where fixtures tilt or open to the robot, as there the zero is
+    not the mouth of each."""
     clearance: float = field(init=False)
     """Gap on each side [m]: the file's."""
     randomisation: RandomisationConfig = field(init=False)
@@ -74,6 +97,24 @@ class Insert(DrawnOpening):
         object.__setattr__(self, "clearance", facts.pair.gap)
         object.__setattr__(self, "randomisation", facts.starts)
         super().__post_init__()
+        if self.tilt > 0.0 or self.facing != "up":
+            object.__setattr__(self, "zero_at", "")
+        if self.facing == "up" and facts.raised > 0.0:
+            self._raise(facts.raised)
+
+    def _raise(self, by: float) -> None:
+        """Stand the fixture higher [m], wherever the task places it."""
+        x, y, z = self.randomisation.middle
+        ranges = replace(self.randomisation, middle=(x, y, z + by))
+        made = {
+            "randomisation": ranges,
+            "trial_poses": tuple(p._replace(z=p.z + by) for p in self.trial_poses),
+            "trial_region": Region.about(ranges.middle, ranges.half_range, ranges.yaw),
+        }
+        if (aside := self.recording_pose) is not None:
+            made["recording_pose"] = aside._replace(z=aside.z + by)
+        for name, value in made.items():
+            object.__setattr__(self, name, value)
 
     @classmethod
     def whole(
@@ -84,6 +125,20 @@ class Insert(DrawnOpening):
         if isinstance(part := whole.get("part"), str):
             whole["part"] = whole_part(part) if may_read else require_whole(part)
         return whole
+
+    @classmethod
+    def listed(cls, name: str, text: str) -> list[str]:
+        """Return the paths that a text lists; a folder's are those of its parts.
+
+        These are its TOML files, or the `part.toml` of each folder in it.
+
+        Raises:
+            ConfigError: A folder without any.
+        """
+        values = super().listed(name, text)
+        if name != "part":
+            return values
+        return [path for value in values for path in _part_files(value)]
 
     def held(self) -> Part:
         """Return the held part; its end is the TCP."""
@@ -107,27 +162,70 @@ class Insert(DrawnOpening):
         depth = self._pair.depth
         return depth, depth - min(_SLACK, depth / 10.0)
 
+    def counted(self, error: Vec3, goal: Goal) -> Vec3:
+        """Return the error, its depth below the mouth left out beside the mouth.
+
+        A small fixture's part comes lower beside it than in it; no depth counts there.
+        Inside is what success calls so: see `IntoOpening.judge`.
+        """
+        height = float(error @ goal.normal)  # above the floor
+        lateral = float(np.linalg.norm(error - height * goal.normal))
+        depth = self._depths[0] - height
+        if depth <= 0.0 or lateral <= self._lateral_max:
+            return error
+        return error + depth * goal.normal
+
     def describe(self) -> list[str]:
         """Return the part and its gap in words."""
         pair = self._pair
         return [pair.name, f"{1e3 * pair.gap:g} mm clearance per side"]
 
-    def outline(self) -> Outline | None:
-        """Return the opening from above, and the fixture around it."""
-        pair = self._pair
-        if pair.opening is None:
-            return None
-        corners = self.fixture(0.0).corners
-        closed = np.vstack([pair.opening, pair.opening[:1]])
-        outer = float(np.abs(corners[:, :2]).max())
-        return Outline(closed, outer, pair.depth, -float(corners[:, 2].min()))
+    def outline(self) -> Outline:
+        """Return the opening from above, and the fixture around it.
+
+        Of a pair that lists its shapes, it is what the held part's end needs, or the
+        post that it goes over.
+        """
+        pair, fixture = self._pair, self.fixture(0.0)
+        outer = float(np.abs(fixture.corners[:, :2]).max())
+        bottom = -float(fixture.corners[:, 2].min())
+        sizes = outer, pair.depth, bottom
+        if (opening := pair.opening) is not None:
+            return Outline(_closed(opening), *sizes)
+        sections = sections_near_mouth(fixture, pair.depth)
+        post = post_line(sections, end_outline(pair.held, 0.0))
+        if post is not None:
+            return Outline(_closed(post), *sizes, is_straight=False, is_post=True)
+        opening = end_outline(pair.held, pair.gap)
+        corner = walled_corner(sections, opening)
+        return Outline(_closed(opening), *sizes, is_straight=False, corner=corner)
 
     @property
     def _pair(self) -> Pair:
         return _facts(self.part).pair
 
 
-@lru_cache(maxsize=64)
+def _closed(line: Array) -> Array:
+    return np.vstack([line, line[:1]])
+
+
+def _part_files(value: str) -> list[str]:
+    """Return the files of the parts in a folder, or a path that is none as it is."""
+    folder = Path(value).expanduser()
+    if not folder.is_dir():
+        return [value]
+    found = sorted(folder.glob("*.toml")) or sorted(folder.glob("*/part.toml"))
+    if not found:
+        raise ConfigError(
+            f"part: the folder {value!r} has no *.toml and no */part.toml; give a "
+            "folder of part files, or the files",
+            name="part",
+            value=value,
+        )
+    return [str(path) for path in found]
+
+
+@lru_cache(maxsize=512)
 def _facts(text: str) -> _Facts:
     """Return what a pair asks of tool and starts, or refuse it.
 
@@ -149,17 +247,35 @@ def _facts(text: str) -> _Facts:
             name="part",
         )
     top = max(float(fixture.corners[:, 2].max()), 0.0)
-    if (below := -float(fixture.corners[:, 2].min())) > BELOW_MAX:
-        raise ConfigError(
-            f"part {pair.name!r}: the fixture reaches {1e3 * below:.4g} mm below its "
-            f"mouth; allowed: up to {1e3 * BELOW_MAX:g} mm, over the table",
-            name="part",
-            value=below,
-            unit="m",
-            allowed=(0.0, BELOW_MAX),
-        )
     _require_held(pair, length, grip, top)
-    return _Facts(pair, length, grip, _starts(pair, fixture, top))
+    starts, raised = _starts(pair, fixture, top), _raised(pair, fixture)
+    return _Facts(pair, length, grip, starts, raised)
+
+
+def _raised(pair: Pair, fixture: Part) -> float:
+    """Return how much higher than others a fixture stands [m]: deep ones need it.
+
+    Raises:
+        ConfigError: It is too deep for the walls of the TCP.
+    """
+    below = -float(fixture.corners[:, 2].min())
+    ends = below + _UNDER, pair.depth + WALLS[0][2] + _WALL_ROOM
+    raised = max(max(ends) - _LOWEST, 0.0)
+    if raised <= RAISED_MAX:
+        return raised
+    what, value = "its end goes", pair.depth
+    if ends[0] > ends[1]:
+        what, value = "the fixture reaches", below
+    most = value - (raised - RAISED_MAX)
+    raise ConfigError(
+        f"part {pair.name!r}: {what} {1e3 * value:.4g} mm below the mouth; allowed: up "
+        f"to {1e3 * most:.4g} mm, over the table and the walls of the tool; make it "
+        "less deep",
+        name="part",
+        value=value,
+        unit="m",
+        allowed=(0.0, most),
+    )
 
 
 def _require_held(pair: Pair, length: float, grip: float, top: float) -> None:
@@ -186,10 +302,9 @@ def _require_held(pair: Pair, length: float, grip: float, top: float) -> None:
 
 def _starts(pair: Pair, fixture: Part, top: float) -> RandomisationConfig:
     """Return the usual starts, in free air about this fixture."""
-    usual = RandomisationConfig()
     return replace(
-        usual,
+        _USUAL,
         fixture_half=float(np.abs(fixture.corners[:, :2]).max()),
         held_radius=float(np.hypot(*pair.held.corners[:, :2].T).max()),
-        gap=usual.gap + top,
+        gap=_USUAL.gap + top,
     )

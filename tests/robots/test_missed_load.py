@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dovetail.doctor.gravity_error import explain_by_load, load_torques
 from dovetail.robots.iiwa14 import iiwa14
+from dovetail.robots.missed_load import explain_by_load, load_torques
 from dovetail.robots.robot import Payload
 
 Q = np.array([0.2, 0.6, -0.1, -1.5, 0.3, 1.0, 0.4])

@@ -1,0 +1,1 @@
+"""A Franka arm over its own protocol, FCI, by libfranka."""

@@ -1,0 +1,193 @@
+"""The facts of a checked pair as text, and as numbers for a program."""
+
+from typing import Any
+
+import numpy as np
+
+from dovetail.meshes.check import Check
+from dovetail.meshes.exactness import REACH, Exactness
+from dovetail.meshes.hold import Hold
+from dovetail.meshes.read import Mesh
+from dovetail.workcell.planar import import_shapely
+
+
+def rows(check: Check, *, is_axis_given: bool) -> list[tuple[str, str]]:
+    """Return what is known of a pair: a name and a text for each fact.
+
+    Args:
+        check: The pair.
+        is_axis_given: Whether the way in was given, not found.
+    """
+    pair, body = check.conversion, check.inertia
+    moments = 1e9 * np.linalg.eigvalsh(body.inertia)
+    both = pair.plug, pair.socket
+    end = "through the socket" if pair.is_through else "down to a floor"
+    found = "given" if is_axis_given else "found"
+    if not is_axis_given and pair.axis != "-z":
+        found += " (if that is not meant, give --axis or swap the files)"
+    return [
+        ("plug", _read(pair.plug)),
+        ("socket", _read(pair.socket)),
+        *(("", f"{one.name}: {note}") for one in both for note in one.notes),
+        ("mass of the plug", f"{1e3 * body.mass:.3g} g at {pair.density:g} kg/m3"),
+        ("its inertia", " ".join(f"{m:.3g}" for m in moments) + " g mm2, principal"),
+        ("way in", f"along {pair.axis} of the files, {found}; {end}"),
+        ("depth", f"{1e3 * pair.depth:.2f} mm below the mouth"),
+        *_gap(check),
+        (
+            "convex pieces",
+            ", ".join(f"{name} {count}" for name, count in _counts(check).items())
+            or "cannot be built",
+        ),
+        *([("how exact", _exact(pair.exactness))] if pair.exactness else []),
+        *_hold(check.hold),
+        *_stand_in(check),
+    ]
+
+
+def _counts(check: Check) -> dict[str, int]:
+    """Return the number of convex pieces of each part, if they can be built."""
+    names = ("plug with its stalk" if check.conversion.stalk else "plug", "socket")
+    counts = (len(part.primitives) for part in check.parts)
+    return dict(zip(names, counts, strict=False))
+
+
+def _stand_in(check: Check) -> list[tuple[str, str]]:
+    """Say by what the simulation holds a plug that is too short for its fingers."""
+    if (stalk := check.conversion.stalk) is None:
+        return []
+    what = "a stalk" if check.hold.stalk else "tips of fingers"
+    span = f"z = {1e3 * stalk.low:.1f} to {1e3 * stalk.high:.1f} mm"
+    return [("in the simulation", f"held by {what} that it has, {span}")]
+
+
+def _read(mesh: Mesh) -> str:
+    low, high = mesh.box
+    size = " x ".join(f"{1e3 * side:.4g}" for side in high - low)
+    state = "closed" if mesh.was_closed else "not closed, repaired"
+    return (
+        f"{mesh.name}: {len(mesh.faces)} triangles, {state}, {size} mm "
+        f"(units {mesh.units}, {mesh.units_from})"
+    )
+
+
+def _gap(check: Check) -> list[tuple[str, str]]:
+    if not check.clearance.is_measured:
+        return [("gap", "none: the plug faces no wall of the socket within 3 mm")]
+    quartiles = ", ".join(f"{1e3 * q:.3f}" for q in check.clearance.quartiles)
+    level, at = check.clearance.tightest
+    x, y = 1e3 * level.points[at]
+    least = 1e3 * float(level.gaps[at])
+    own = check.pieces if check.pieces and check.pieces.is_measured else None
+    pieces = [f"{1e3 * q:.3f}" for q in own.quartiles] if own else []
+    return [
+        ("gap all round", f"{quartiles} mm (quartiles)"),
+        *([("of the pieces", ", ".join(pieces) + " mm")] if own else []),
+        (
+            "tightest",
+            f"{least:.3f} mm at z = {1e3 * level.z:.2f}, x = {x:.2f}, y = {y:.2f} mm",
+        ),
+    ]
+
+
+def _exact(exact: Exactness) -> str:
+    """Say how far the pieces are off the meshes."""
+    return (
+        f"clearance {1e3 * exact.low:+.3f} to {1e3 * exact.high:+.3f} mm beside the "
+        f"meshes' (5 to 95 % of the walls, allowed {1e3 * exact.allowed:.3f}; worst "
+        f"{1e3 * exact.worst:.3f}); pushed deeper, the meshes stop "
+        f"{_stop(exact.stop_mesh)}, the pieces {_stop(exact.stop_pieces)}"
+    )
+
+
+def _stop(way: float | None) -> str:
+    if way is None:
+        return f"nowhere within {1e3 * REACH:g} mm"
+    return f"after {1e3 * way:.3f} mm"
+
+
+def _hold(hold: Hold) -> list[tuple[str, str]]:
+    grip, stalk = hold.used_grip, hold.used_stalk
+    said: list[tuple[str, str]] = []
+    if grip is not None:
+        turn = round(float(np.rad2deg(grip.turn)))
+        said.append(
+            (
+                "fingers",
+                f"{1e3 * grip.width:.1f} mm apart, closing at {turn} deg from x, from "
+                f"z = {1e3 * grip.low:.1f} mm up; they touch {1e3 * grip.touching:.1f} "
+                f"mm of height, down to a depth of {1e3 * hold.bare:.1f} mm",
+            )
+        )
+    if stalk is not None:
+        shape = "hollow" if _has_cutout(stalk.outline) else "solid"
+        said.append(
+            (
+                "stalk",
+                f"{shape}, {1e6 * stalk.outline.area:.0f} mm2 on the plug's top at z = "
+                f"{1e3 * stalk.low:.1f} mm, {1e3 * (stalk.high - stalk.low):.0f} mm "
+                f"high; glue or print it on. Fingers alone reach a depth of "
+                f"{1e3 * hold.bare:.1f} mm",
+            )
+        )
+    return said or [("fingers", "no place found on the plug")]
+
+
+def _has_cutout(outline: Any) -> bool:
+    shapely = import_shapely()
+    return bool(shapely.get_num_interior_rings(shapely.get_parts(outline)).any())
+
+
+def numbers(check: Check) -> dict[str, Any]:
+    """Return the facts of a pair as plain data, lengths in m."""
+    pair, hold, body = check.conversion, check.hold, check.inertia
+    exact = pair.exactness
+    own = check.pieces if check.pieces and check.pieces.is_measured else None
+    is_measured = check.clearance.is_measured
+    level, at = check.clearance.tightest if is_measured else (None, 0)
+    grip = hold.used_grip
+    return {
+        "go": check.is_go,
+        "problems": list(check.problems),
+        "plug": _mesh(pair.plug),
+        "socket": _mesh(pair.socket),
+        "density": pair.density,
+        "mass": body.mass,
+        "centre": body.centre.tolist(),
+        "inertia": body.inertia.tolist(),
+        "axis": pair.axis,
+        "depth": pair.depth,
+        "through": pair.is_through,
+        "gap": {
+            "quartiles": list(check.clearance.quartiles) if is_measured else None,
+            "pieces": list(own.quartiles) if own else None,
+            "least": float(level.gaps[at]) if level else None,
+            "at": [*level.points[at].tolist(), level.z] if level else None,
+        },
+        "pieces": _counts(check),
+        "exactness": exact._asdict() | {"stop_error": exact.stop_error}
+        if exact
+        else None,
+        "hold": {
+            "kind": hold.kind,
+            "reach": hold.reach,
+            "fingers_alone": hold.bare,
+            "width": grip.width if grip else None,
+            "turn": grip.turn if grip else None,
+            "low": grip.low if grip else None,
+        },
+    }
+
+
+def _mesh(mesh: Mesh) -> dict[str, Any]:
+    low, high = mesh.box
+    return {
+        "name": mesh.name,
+        "triangles": len(mesh.faces),
+        "was_closed": mesh.was_closed,
+        "units": mesh.units,
+        "units_from": mesh.units_from,
+        "size": (high - low).tolist(),
+        "volume": mesh.volume,
+        "notes": list(mesh.notes),
+    }

@@ -1,0 +1,59 @@
+"""Outline of what goes into an opening first."""
+
+import numpy as np
+import pytest
+
+from dovetail.poses import quat_about_z
+from dovetail.workcell.end_outline import end_outline, hull_line, surface_points
+from dovetail.workcell.outline import signed_area
+from dovetail.workcell.parts import Part, Primitive
+from dovetail.workcell.sections import is_convex
+
+
+def test_the_hull_holds_every_point_and_has_no_dent(rng):
+    points = rng.normal(size=(200, 2))
+    line = hull_line(points)
+    assert is_convex(line)
+    assert signed_area(line) > 0.0
+    along = np.roll(line, -1, axis=0) - line
+    for point in points:
+        beside = point - line
+        left = along[:, 0] * beside[:, 1] - along[:, 1] * beside[:, 0]
+        assert left.min() > -1e-9
+    assert {tuple(p) for p in line} <= {tuple(p) for p in points}
+
+
+def test_points_on_a_straight_side_are_no_corners():
+    grid = np.stack(np.meshgrid(range(4), range(3)), axis=-1).reshape(-1, 2)
+    line = hull_line(grid.astype(float))
+    assert sorted(map(tuple, line)) == [(0, 0), (0, 2), (3, 0), (3, 2)]
+
+
+def held(*primitives):
+    return Part("held", primitives)
+
+
+def test_only_the_end_counts_and_it_is_seen_from_above_the_fixture():
+    # In the TCP's frame z points down, so that y turns its sign.
+    end = Primitive("end", "box", (0.002, 0.001, 0.01), np.array([0.001, 0.003, -0.01]))
+    wide = Primitive("top", "box", (0.02, 0.02, 0.01), np.array([0.0, 0.0, -0.03]))
+    line = end_outline(held(end, wide), 0.0005)
+    np.testing.assert_allclose(line.min(axis=0), [-0.0015, -0.0045])
+    np.testing.assert_allclose(line.max(axis=0), [0.0035, -0.0015])
+    assert signed_area(line) == pytest.approx(0.005 * 0.003)
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.3])
+def test_a_cylinder_is_round(angle):
+    shape = Primitive(
+        "pin",
+        "cylinder",
+        (0.004, 0.01),
+        np.array([0.0, 0.0, -0.01]),
+        quat_about_z(angle),
+    )
+    line = end_outline(held(shape), 0.0)
+    np.testing.assert_allclose(np.hypot(*line.T), 0.004)
+    assert signed_area(line) == pytest.approx(np.pi * 0.004**2, rel=0.01)
+    points = surface_points(held(shape))
+    np.testing.assert_allclose([points[:, 2].min(), points[:, 2].max()], [-0.02, 0.0])
