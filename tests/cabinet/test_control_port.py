@@ -2,6 +2,7 @@
 
 import json
 import socket
+import threading
 import time
 from contextlib import suppress
 
@@ -75,15 +76,38 @@ def test_status_says_how_it_goes(line, client):
 def test_a_client_of_another_robot_is_refused_by_both_names(cabinet):
     control = CabinetControl(str(cabinet.control_address))
     own, other = find_cell(), find_cell(robot="fr3")
-    control.agree(own)
+    control.agree(own, 0.0)
     for ask in (
-        lambda: control.agree(other),
+        lambda: control.agree(other, 0.0),
         lambda: control.place(Q_START, FIXTURE, cell=other),
     ):
         with pytest.raises(ArmError, match=r"robot is fr3, the cabinet's iiwa14") as no:
             ask()
         assert no.value.reason == "refused"
     control.place(Q_START, FIXTURE, cell=own)
+    control.close()
+
+
+def test_a_cabinet_that_is_still_starting_is_waited_for():
+    with socket.create_server(("127.0.0.1", 0)) as probe:
+        where = probe.getsockname()
+
+    def start_late():
+        time.sleep(0.2)
+        with socket.create_server(where) as server:
+            connection, _ = server.accept()
+            with connection, connection.makefile("rwb") as file:
+                file.readline()
+                file.write(b'{"ok": true}\n')
+
+    control = CabinetControl(f"{where[0]}:{where[1]}")
+    with pytest.raises(ArmError) as no:
+        control.agree(find_cell(), 0.1)
+    assert no.value.reason == "no_control"
+    starting = threading.Thread(target=start_late)
+    starting.start()
+    control.agree(find_cell(), 20.0)
+    starting.join()
     control.close()
 
 

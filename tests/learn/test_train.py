@@ -37,9 +37,8 @@ from .conftest import SMALL
 
 def test_a_run_of_an_arm_that_is_too_short_leaves_no_folder(small):
     robot = iiwa14()
-    origins = robot.geometry.origin_position.copy()
-    origins[4:6] *= 0.6
-    geometry = replace(robot.geometry, origin_position=origins)
+    at = 0.2 * robot.geometry.origin_position
+    geometry = replace(robot.geometry, origin_position=at)
     short = write_robot_text(replace(robot, name="short", geometry=geometry))
     with pytest.raises(ConfigError) as refused:
         train(replace(small, robot=short))

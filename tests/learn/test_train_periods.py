@@ -45,7 +45,7 @@ def test_a_training_runs_and_its_policy_says_at_which_period(period, tmp_path):
     )
     found = evaluate(evaluation, Console(file=StringIO()))
     assert found.report.period == period  # of the policy, where nothing else is asked
-    assert found.report.note == ""
+    assert not found.report.notes
     assert len(found.outcomes[0].course.path) == round(3 * 0.05 / period)
 
 

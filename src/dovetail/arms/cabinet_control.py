@@ -2,6 +2,7 @@
 
 import json
 import socket
+import time
 from typing import TYPE_CHECKING, Any
 
 from dovetail.arms.arm_address import parse_endpoint
@@ -16,6 +17,8 @@ if TYPE_CHECKING:
     from dovetail.workcell.workcell import Workcell
 
 _LONGEST = 1 << 20
+_PAUSE = 0.05
+"""Time between two tries to reach a cabinet that is still starting [s]."""
 
 
 class CabinetControl:
@@ -60,13 +63,26 @@ class CabinetControl:
             raise ArmError(text, "refused")
         return answer
 
-    def agree(self, cell: "Workcell") -> None:
+    def agree(self, cell: "Workcell", patience: float) -> None:
         """Refuse a cabinet that stands in for another robot, or has another cell file.
 
+        Args:
+            cell: Robot and cell file here.
+            patience: How long to wait for a cabinet that is still starting [s].
+
         Raises:
-            ArmError: It has; names both.
+            ArmError: It has, and names both; or it cannot be reached.
         """
-        self.request("agree", **_said_of(cell))
+        end = time.monotonic() + patience
+        while True:
+            try:
+                self.request("agree", **_said_of(cell))
+                return
+            except ArmError as error:
+                is_starting = isinstance(error.__cause__, ConnectionRefusedError)
+                if not is_starting or time.monotonic() > end:
+                    raise
+            time.sleep(_PAUSE)
 
     def place(
         self,

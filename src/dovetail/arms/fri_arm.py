@@ -455,7 +455,7 @@ class FriArm:
                 a simulated one of another robot.
         """
         if self._control is not None and self._cell is not None:
-            self._control.agree(self._cell)
+            self._control.agree(self._cell, self._timeout)
         self._wait_for_motion(0)
 
     def lean(self, q: Vec7) -> None:

@@ -10,6 +10,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+from dovetail.envs.registered import task_class
 from dovetail.identify.fit_folder import MODEL
 from dovetail.learn.config import NOT_COMPARED, TrainConfig
 from dovetail.learn.policy import RUN_POLICY
@@ -20,8 +21,7 @@ from dovetail.reproduce.design import LAWS, MODELS, Design, Training, Trial
 from dovetail.reproduce.folder import FIT, RECORDING, RUN, TRAIN, stage_path, twin_path
 from dovetail.reproduce.paper import TRANSFER
 from dovetail.tasks.options import gather_options
-from dovetail.tasks.peg_in_hole.task import PegInHole
-from dovetail.tasks.rail_clip.task import RailClip
+from dovetail.tasks.shipped import DEFAULT_ENV
 
 _STEP = 1.0 / 550.0
 """About how long a training step takes on a core [s], and its share of an episode."""
@@ -226,7 +226,7 @@ def _train_settings(budget: Budget, **changes: Any) -> dict[str, Any]:
     """Return all settings of a training, defaults included, as its file has them."""
     chosen = {"until": 1.0, **changes, **budget.train}
     given = {k: tuple(v) if isinstance(v, list) else v for k, v in chosen.items()}
-    task = RailClip if given.get("env") == CLIP_ENV else PegInHole
+    task = task_class(given.get("env", DEFAULT_ENV))
     settings = TrainConfig(**gather_options(given, task)).to_json()
     left_out = (*NOT_COMPARED, *(("arm", "plant") if "arm" in given else ()))
     return {
@@ -323,7 +323,10 @@ def _script(design: Design) -> Iterator[Stage]:
 def _clip(design: Design) -> Iterator[Stage]:
     """The rail clip, trained in the nominal simulation and tried on every twin."""
     settings = _train_settings(
-        design.budget, env=CLIP_ENV, seed=design.seed, **RailClip.training
+        design.budget,
+        env=CLIP_ENV,
+        seed=design.seed,
+        **task_class(CLIP_ENV).training,
     )
     yield Stage(
         name=CLIP,

@@ -159,7 +159,7 @@ class CornerSearch:
         self._askew = math.sqrt(2.0) * held.turn
         """Most that the part is held askew [rad]."""
         self._unsure = 0.0
-        """How far below its believed height an untouched surface may be [m]."""
+        """Depth below its believed height at which an untouched surface may lie [m]."""
         if any(held):
             self._unsure = held.error + 0.5 * self._askew * self._wide + _DEEP
         self._drop = min(self.config.drop, _SHALLOW * size)
