@@ -8,10 +8,12 @@ left out, so a run that was stopped goes on. At the end a table is printed.
 
     python benchmarks/mesh_pairs.py ~/automate --units m --out runs/automate
     python benchmarks/mesh_pairs.py ~/automate --units m --out runs/automate --speed
+    python benchmarks/mesh_pairs.py ~/automate --units m --out runs/automate --press
 
 `--speed` adds the environment's steps per second of processor time on one core while
 the plug is below the mouth, pushed straight down at the fixture's true pose, over four
-tries.
+tries. `--press` adds how far 100 N push the inserted plug below where 5 N hold it, in
+MuJoCo: how much the contacts give way.
 """
 
 import argparse
@@ -23,14 +25,19 @@ from typing import Any
 import numpy as np
 from blind_baselines import straight
 
-from dovetail.envs.registered import make
+from dovetail.envs.registered import find_cell, make
 from dovetail.envs.unwrapped import require_contact_env
 from dovetail.errors import DovetailError
 from dovetail.meshes.pair import convert
 from dovetail.meshes.part_folder import write_part
 from dovetail.meshes.read import FORMATS, read_meshes
+from dovetail.plants.find import make_plant
+from dovetail.plants.plant import DynamicsConfig
+from dovetail.poses import TOOL_DOWN, Pose, matrix_from_quat, quat_multiply
 
 TRIES = 4
+PRESSES, PRESSED, STEP = (5.0, 100.0), 1.0, 0.005  # N, s each, s
+AT_REST = 1e-5  # m in 0.1 s
 
 
 def main() -> None:
@@ -41,6 +48,7 @@ def main() -> None:
     parser.add_argument("--units", help="of all meshes; without it they are guessed")
     parser.add_argument("--axis", default=None, help="way in; without it it is found")
     parser.add_argument("--speed", action="store_true", help="measure steps per second")
+    parser.add_argument("--press", action="store_true", help="press with 100 N")
     given = parser.parse_args()
     given.out.mkdir(parents=True, exist_ok=True)
     lines = given.out / "pairs.jsonl"
@@ -49,6 +57,8 @@ def main() -> None:
         row = rows.get(pair.name) or _convert(pair, given)
         if given.speed and row.get("go") and "steps" not in row:
             row["steps"] = _speed(given.out / pair.name / "part.toml")
+        if given.press and row.get("go") and "pressed" not in row:
+            row["pressed"] = _pressed(given.out / pair.name / "part.toml")
         if row != rows.get(pair.name):
             rows[pair.name] = row
             with lines.open("a") as file:
@@ -121,6 +131,29 @@ def _speed(part: Path) -> float:
     return len(times) / sum(times) if times else float("nan")
 
 
+def _pressed(part: Path) -> float:
+    """Return how far 100 N push an inserted plug below where 5 N hold it [mm]."""
+    cell = find_cell("dovetail/Insert-v0", part=str(part))
+    robot = cell.loaded_robot()
+    down = Pose(np.array([0.6, 0.0, 0.2]), TOOL_DOWN)
+    q = robot.inverse_kinematics(down, robot.posture("down"))
+    tool = robot.tool_pose(q)
+    quat = quat_multiply(tool.quat_wxyz, TOOL_DOWN)
+    out = matrix_from_quat(quat)[:, 2]
+    plant = make_plant("mujoco", cell, DynamicsConfig.of_robot(cell.robot))
+    plant.reset(q, Pose(tool.position - cell.heights[1] * out, quat))
+    heights = []
+    for force in PRESSES:
+        plant.push(-force * out)
+        for _ in range(round(PRESSED / STEP)):
+            plant.apply(np.zeros(7), STEP)
+            heights.append(float(plant.tool_pose().position @ out))
+    plant.close()
+    held, at = heights[len(heights) // 2 - 1], heights[len(heights) // 2 - 20]
+    is_held = abs(held - at) < AT_REST
+    return 1e3 * (held - min(heights[len(heights) // 2 :])) if is_held else np.nan
+
+
 def _line(name: str, row: dict[str, Any]) -> str:
     if "gap" not in row:
         return f"{name}  {row['seconds']:5.1f} s  no: {row['reasons'][0]}"
@@ -132,6 +165,7 @@ def _line(name: str, row: dict[str, Any]) -> str:
         f"{row['gap'][1]:.2f} mm  depth {row['depth']:.1f} mm  clearance {low:+.3f} "
         f"{high:+.3f} of {row.get('allowed', np.nan):.3f} mm  end {' / '.join(ends)} mm"
         f"  {row.get('steps', np.nan):5.0f} steps/s  "
+        f"{row.get('pressed', np.nan):.3f} mm pressed  "
         + ("go" if row["go"] else f"no: {'; '.join(row['reasons'])}")
     )
 
@@ -142,11 +176,15 @@ def _print_table(rows: dict[str, dict[str, Any]]) -> None:
     seconds = [row["seconds"] for row in rows.values() if "gap" in row]
     median, late = np.quantile(seconds, [0.5, 0.95]) if seconds else (np.nan, np.nan)
     steps = [row["steps"] for row in rows.values() if "steps" in row]
+    pressed = [row["pressed"] for row in rows.values() if "pressed" in row]
+    said = f"; steps/s median {np.nanmedian(steps):.0f}" if steps else ""
+    if pressed:
+        middle, most = np.nanmedian(pressed), np.nanmax(pressed)
+        said += f"; pressed median {middle:.3f} mm, at most {most:.3f} mm"
     print(
         f"{sum(bool(row.get('exact')) for row in rows.values())} exact and "
         f"{sum(bool(row.get('go')) for row in rows.values())} go of {len(rows)} pairs; "
-        f"conversion median {median:.1f} s, p95 {late:.1f} s"
-        + (f"; steps/s median {np.nanmedian(steps):.0f}" if steps else "")
+        f"conversion median {median:.1f} s, p95 {late:.1f} s{said}"
     )
 
 
