@@ -36,6 +36,15 @@ def fastest(q):
     return np.clip(falls - limits.taper_offset, 0.0, limits.dq_max)
 
 
+@pytest.mark.parametrize("hardware", [True, False])
+def test_at_the_position_bounds_a_push_still_has_room(hardware):
+    limits = LimitConfig.for_period(ROBOT, 1e-3, hardware=hardware)
+    for q, way in ((limits.q_max, 0), (limits.q_min, 1)):
+        assert fastest(q)[way] == pytest.approx(np.ones(7))
+    assert (limits.q_min < ROBOT.posture("down") - 0.2).all()
+    assert (limits.q_max > ROBOT.posture("down") + 0.2).all()
+
+
 @pytest.mark.parametrize("seed", range(3))
 def test_it_keeps_what_ends_a_motion_of_a_franka(seed):
     limits = LimitConfig.for_period(ROBOT, 1e-3, hardware=False)

@@ -56,6 +56,9 @@ _RATE_MAX = 60.0  # 1/s
 _RATE_SHARE = (
     0.99  # of the change of torque that an arm takes: it counts in its own way
 )
+_PUSHED = 1.0
+"""Speed that a limit which falls towards a position limit still allows at ours [rad/s]:
+about what a push of 30 N adds beside it before the arm has braked."""
 _DELTA_Q = (2e-3, 3e-3, 5e-3, 5e-3)  # rad, exact model
 _DELTA_V = (0.01, 0.02, 0.05, 0.05)
 _DELTA_Q_HARDWARE = (30e-3, 30e-3, 45e-3, 50e-3)  # rad; all that is declared at once
@@ -173,8 +176,8 @@ class LimitConfig(
             **vars(declared),
             "estimate_rate": rate,
             "brake_rate": rate,
-            "q_min": robot.limits.q_min + robot.limits.standing_room,
-            "q_max": robot.limits.q_max - robot.limits.standing_room,
+            "q_min": robot.limits.q_min + robot.limits.room_at(_PUSHED),
+            "q_max": robot.limits.q_max - robot.limits.room_at(_PUSHED),
             "dq_max": robot.limits.dq_max,
             "tau_max": robot.limits.tau_max,
             "taper_brake": robot.limits.taper_brake,

@@ -69,7 +69,10 @@ class RobotLimits(ArrayFacts):
                     ">= 0"
                 )
 
-    @property
-    def standing_room(self) -> Vec7:
-        """Distance from a position limit at which the speed limit is 0 [rad]."""
-        return self.taper_offset**2 / (2.0 * self.taper_brake)
+    def room_at(self, speed: float) -> Vec7:
+        """Return the distance from a position limit at which a speed is allowed [rad].
+
+        Args:
+            speed: Speed that the falling limit still allows there [rad/s].
+        """
+        return (speed + self.taper_offset) ** 2 / (2.0 * self.taper_brake)
