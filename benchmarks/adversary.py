@@ -297,10 +297,11 @@ class Adversary:
         keep = (np.abs(q) < LOST).all(axis=1) & (np.abs(dq) < LOST).all(axis=1)
         q, dq = q[keep], dq[keep]
         report.looks += len(q)
-        report.position.add(np.maximum(q - self.limits.q_max, self.limits.q_min - q))
+        own = self.robot.limits
+        low, high = own.q_min + own.room_at(0.0), own.q_max - own.room_at(0.0)
+        report.position.add(np.maximum(q - high, low - q))
         report.speed.add(np.abs(dq) - self.limits.dq_max)
         report.torque.add(np.abs(motor) - self.limits.tau_max)
-        own = self.robot.limits
         if np.isfinite(own.taper_brake).any():
             for room, speed in ((own.q_max - q, dq), (q - own.q_min, -dq)):
                 falls = np.sqrt(2.0 * own.taper_brake * np.maximum(room, 0.0))

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from dovetail.control.config import LimitConfig
 from dovetail.errors import ReachError
 from dovetail.plants.mujoco_plant import MujocoPlant
 from dovetail.poses import Pose, quat_from_vector, quat_multiply
@@ -45,7 +46,9 @@ def walls_of(task: str) -> tuple[tuple[float, ...], tuple[float, ...]]:
     return WALLS[0], WALLS[1]
 
 
-def make_start(rng: np.random.Generator, plant: MujocoPlant, choices: Choices) -> Start:
+def make_start(
+    rng: np.random.Generator, plant: MujocoPlant, limits: LimitConfig, choices: Choices
+) -> Start:
     """Draw a start; the plant is left there, at rest, and touches nothing hard."""
     robot = plant.robot
     for draw in range(2 * DRAWS):
@@ -54,7 +57,8 @@ def make_start(rng: np.random.Generator, plant: MujocoPlant, choices: Choices) -
         lean = min(1.0, 2.0 - draw / DRAWS)
         tilt = (lean * choices.tilt[0], lean * choices.tilt[1])
         try:
-            q, surface = _posture(rng, robot, replace(choices, tilt=tilt), hole)
+            at = replace(choices, tilt=tilt)
+            q, surface = _posture(rng, robot, limits, at, hole)
         except ReachError:
             continue
         if _is_clear(plant, q, hole):
@@ -75,6 +79,7 @@ def make_start(rng: np.random.Generator, plant: MujocoPlant, choices: Choices) -
 def _posture(
     rng: np.random.Generator,
     robot: Robot,
+    limits: LimitConfig,
     choices: Choices,
     hole: Pose,
 ) -> tuple[Array, float]:
@@ -99,7 +104,7 @@ def _posture(
         pose = sample_start(rng, hole, yaw, RandomisationConfig())
         return robot.inverse_kinematics(pose, seed), mouth
     while True:
-        q = rng.uniform(robot.limits.q_min + 0.05, robot.limits.q_max - 0.05)
+        q = rng.uniform(limits.q_min + 0.05, limits.q_max - 0.05)
         p = robot.tool_pose(q).position
         if min(np.min(p - WALLS[0]), np.min(WALLS[1] - p)) > 0.02:
             return q, mouth

@@ -145,8 +145,11 @@ class Trial:
             list(TaskSpec.parse(TASK).modes),
             period,
         )
-        self.judge = _bench.ContactJudge(self.chain, self.limits.params())
-        self.start: Start = make_start(self.rng, plant, choices)
+        own = self.robot.limits
+        low, high = own.q_min + own.room_at(0.0), own.q_max - own.room_at(0.0)
+        judged = replace(self.limits, q_min=low, q_max=high)  # the robot's, not ours
+        self.judge = _bench.ContactJudge(self.chain, judged.params())
+        self.start: Start = make_start(self.rng, plant, self.limits, choices)
         plant.attach_channel(
             _core.Channel(
                 delay=twin.command_delay,

@@ -51,12 +51,12 @@ def test_speed_is_told_as_a_share_of_its_limit(judge, limits):
 @pytest.mark.parametrize("room", [0.02, 0.1, 0.3])
 @pytest.mark.parametrize("way", [-1.0, 1.0])
 def test_the_falling_speed_is_the_makers(joint, room, way):
-    """The controller's position limits lie inside the robot's, by the standing room."""
+    """It falls from position limits at which no speed is allowed any more."""
     arm, one = fr3(), np.eye(7)[joint]
     own = arm.limits
-    judge = _bench.ContactJudge(
-        arm.chain(), LimitConfig.for_period(arm, H, walls=False).params()
-    )
+    low, high = own.q_min + own.room_at(0.0), own.q_max - own.room_at(0.0)
+    limits = LimitConfig.for_period(arm, H, walls=False, q_min=low, q_max=high)
+    judge = _bench.ContactJudge(arm.chain(), limits.params())
     end = (own.q_max if way > 0.0 else own.q_min)[joint]
     q = arm.posture("down") * (1.0 - one) + (end - way * room) * one
     most = np.sqrt(2.0 * own.taper_brake * room) - own.taper_offset
