@@ -16,7 +16,7 @@ from dovetail.control.settings import ControllerSettings
 from dovetail.control.task_spec import TaskSpec
 from dovetail.envs.registered import find_cell
 from dovetail.errors import ArmError, ConfigError
-from dovetail.poses import Pose
+from dovetail.poses import Pose, quat_from_vector
 from dovetail.robots.fr3 import fr3
 
 from .stand_in import use_stand_in
@@ -227,17 +227,60 @@ def test_ctrl_c_in_the_first_hold_leaves_no_loop(connect, monkeypatch):
     assert loops[0].poll() is not None
 
 
-def test_a_reset_that_is_refused_does_not_end_a_stop(connect):
-    arm = connect(approach="no")
-    target = hold_of(arm)
+FAR = fr3().posture("down") + np.array([1.0, 0, 0, 0, 0, 0, 0])
+ASIDE = Pose(np.array([0.76, 0.0, 0.3]), quat_from_vector(np.array([0, np.pi / 2, 0])))
+"""A fixture that opens away from the arm: out of it the way leaves the arm's reach."""
+IN_IT = fr3().inverse_kinematics(
+    Pose(np.array([0.74, 0.0, 0.3]), AWAY.quat_wxyz[[1, 0, 2, 3]]),
+    fr3().posture("down"),
+)
+
+
+@pytest.mark.parametrize("is_anew", [False, True])
+@pytest.mark.parametrize(
+    ("q", "fixture", "reason"),
+    [(FAR, AWAY, "far"), (IN_IT, ASIDE, "reset")],
+)
+def test_a_reset_that_is_refused_does_not_end_a_stop(
+    connect, q, fixture, reason, is_anew
+):
+    arm = connect()
+    hold_of(arm)
+    if reason == "far":
+        arm._address = replace(arm._address, approach=False)
     arm.stop()
     arm._left = None  # as where it was pushed since then
-    with pytest.raises(ArmError) as far:
-        arm.reset(fr3().posture("down") + np.array([1.0, 0, 0, 0, 0, 0, 0]), AWAY)
-    assert far.value.reason == "far"
+    if is_anew:  # the refused reset starts another loop
+        arm._loop.kill()
+        arm._loop.wait()
+    with pytest.raises(ArmError) as refused:
+        arm.reset(q, fixture)
+    assert refused.value.reason == reason
     with pytest.raises(ArmError) as stopped:
-        arm.step(target)
+        arm._follow(_core.Target(joint_mode=True, q_d=arm._seen.q), 50)
     assert stopped.value.reason == "stopped"
+    assert hold_of(arm) is not None  # it is not refused
+
+
+@pytest.mark.parametrize("is_anew", [False, True])
+def test_a_stop_while_a_reset_begins_holds(connect, monkeypatch, is_anew):
+    arm = connect()
+    hold_of(arm)
+    if is_anew:
+        arm._loop.kill()
+        arm._loop.wait()
+    plan, known = franka.plan_reset, franka.require_known_load
+
+    def stopped_meanwhile(*given):
+        arm.stop()
+        return known(*given) if is_anew else plan(*given)
+
+    name = "require_known_load" if is_anew else "plan_reset"
+    monkeypatch.setattr(franka, name, stopped_meanwhile)
+    with pytest.raises(ArmError) as stopped:
+        arm.reset(fr3().posture("down"), AWAY)
+    assert stopped.value.reason == "stopped"
+    assert arm._is_alive()
 
 
 def test_a_second_loop_that_cannot_connect_says_what_the_first_would(connect):

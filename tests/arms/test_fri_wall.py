@@ -2,6 +2,7 @@
 
 import resource
 import time
+from contextlib import suppress
 
 import numpy as np
 import pytest
@@ -11,11 +12,11 @@ from dovetail.arms.reset_motion import LIFT, plan_reset
 from dovetail.arms.watchdog import WatchdogConfig
 from dovetail.errors import ArmError
 from dovetail.plants.plant import COLUMN, FLAG_MASK
-from dovetail.poses import Pose, matrix_from_quat
+from dovetail.poses import Pose, matrix_from_quat, quat_from_vector
 from dovetail.robots.iiwa14 import iiwa14
 from dovetail.tasks.peg_in_hole.task import PegInHole
 
-from .test_fri_session import HOLE, START, make_arm, push, wait_until
+from .test_fri_session import CELL, HOLE, START, TOOL_DOWN, make_arm, push, wait_until
 
 LATE, STOPPED = FLAG_MASK["target_late"], FLAG_MASK["stopped"]
 PATIENT = {
@@ -99,6 +100,61 @@ def test_stop_brakes_and_holds_until_cleared(arm, tmp_path):
     assert head[0] == "# a stop was asked for"
     assert head[1].split(",") == _core.servo_columns()
     assert any(str(path) in note for note in arm.statistics()["notes"])
+
+
+FAR = START + 0.6 * np.eye(7)[6]
+ASIDE = Pose(np.array([0.76, 0.0, 0.2]), quat_from_vector(np.array([0, np.pi / 2, 0])))
+"""A fixture that opens away from the arm: out of it the way leaves the arm's reach."""
+IN_IT = CELL.loaded_robot().inverse_kinematics(
+    Pose(np.array([0.74, 0.0, 0.2]), TOOL_DOWN), START
+)
+NO_POSE = Pose(HOLE.position, np.zeros(4))
+
+
+@pytest.mark.parametrize(
+    ("way", "start", "fixture", "reason"),
+    [
+        ("place", START, NO_POSE, "refused"),
+        ("move", FAR, HOLE, "far"),
+        ("move", IN_IT, ASIDE, "reset"),
+    ],
+)
+def test_a_reset_that_is_refused_does_not_end_a_stop(way, start, fixture, reason):
+    arm = make_arm(clock="wall", reset=way, cabinet=PATIENT)
+    arm.reset(START, HOLE)
+    arm.stop()
+    wait_until(lambda: arm.monitoring().is_at_rest)
+    arm._left = None  # as where it was pushed since then
+    if start is IN_IT:  # where no simulated fixture can be
+        arm._approach, arm._control = True, None
+    with pytest.raises(ArmError) as refused:
+        arm.reset(start, fixture)
+    assert refused.value.reason == reason
+    with pytest.raises(ArmError) as stopped:
+        arm.step(push(0.0))
+    assert stopped.value.reason == "requested"
+    arm.reset(START, HOLE)
+    arm.step(push(0.0))
+    arm.close()
+
+
+@pytest.mark.parametrize("way", ["place", "move"])
+def test_a_stop_while_a_reset_begins_holds(way, monkeypatch):
+    arm = make_arm(clock="wall", reset=way, cabinet=PATIENT)
+    arm.reset(START, HOLE)
+    asked = arm._control.request
+
+    def stopped_meanwhile(do, **what):
+        arm.stop()
+        return asked(do, **what)
+
+    monkeypatch.setattr(arm._control, "request", stopped_meanwhile)
+    with suppress(ArmError):  # one that moves the arm says so at once
+        arm.reset(START, HOLE)
+    with pytest.raises(ArmError) as stopped:
+        arm.step(push(0.0))
+    assert stopped.value.reason == "requested"
+    arm.close()
 
 
 def test_a_push_stops_the_arm(tmp_path):

@@ -24,6 +24,7 @@ class RecordingArm:
 
     def reset(self, q, hole):
         self.calls.append("reset")
+        self._stop.clear()
         self._stamp = 0.0
         return self._state(0)
 

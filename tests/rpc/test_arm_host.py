@@ -129,6 +129,7 @@ def test_a_stop_that_the_arm_forgets_as_its_reset_begins_is_said_again(
     host.stop("before", is_ordered=False)
 
     def reset(q, hole):
+        builder.arm.clear()
         host.hold_if_stopped()  # of the stop that this reset ends: nothing
         assert not builder.arm._stop.is_set()
         host.stop("during", is_ordered=is_ordered)
@@ -140,6 +141,19 @@ def test_a_stop_that_the_arm_forgets_as_its_reset_begins_is_said_again(
     builder.arm.reset = reset
     host.reset(start, HOLE, None)
     assert host.stop_reason == "during"
+
+
+def test_a_reset_that_the_arm_refuses_leaves_it_stopped(host, builder, start):
+    host.stop("left", is_ordered=False)
+
+    def refuse(q, hole):
+        raise ArmError("too far", "far")
+
+    builder.arm.reset = refuse
+    with pytest.raises(ArmError, match="too far"):
+        host.reset(start, HOLE, None)
+    assert builder.arm._stop.is_set()
+    assert host.stop_reason == "left"
 
 
 def test_a_stop_that_the_arm_forgets_as_it_is_cleared_is_said_again(

@@ -7,6 +7,7 @@ back.
 """
 
 import math
+import threading
 import time
 from dataclasses import replace
 from ipaddress import IPv4Address
@@ -26,7 +27,7 @@ from dovetail.arms.fri_errors import (
     socket_error,
     stop_error,
 )
-from dovetail.arms.reset_motion import TICK, drive_to
+from dovetail.arms.reset_motion import TICK, drive_along, plan_reset
 from dovetail.arms.start_distance import require_near
 from dovetail.arms.watchdog import WatchdogConfig
 from dovetail.control.config import check_period
@@ -321,6 +322,8 @@ class FriArm:
             servo or servo_params(settings.period),
             watchdog or WatchdogConfig(target_timeout=address.target_timeout),
         )
+        self._stop_lock = threading.Lock()
+        self._stops = 0
         self._seed: int | None = None
         self._motion = 0
         self._goal = 0
@@ -367,25 +370,27 @@ class FriArm:
     # -- Arm ---------------------------------------------------------------------
 
     def reset(self, q: Vec7, fixture: Pose) -> ArmState:
-        """Bring the arm to q [rad], at rest; latch what is held. Ends a stop.
+        """Bring the arm to q [rad], at rest; latch what is held.
+
+        Ends a stop from before, once nothing bars the way.
 
         Raises:
             ArmError: No motion is commanded within the timeout, or the way is barred.
         """
-        q = require_configuration(q)
-        self._servo.clear()
+        q, stops = require_configuration(q), self._stops
         if self._address.reset == "place" and self._control is not None:
             before = self._servo.state()
             if before.session == 4:
                 self._servo.expect_end()
             placed = self._control.place(q, fixture, self._seed, self._cell)
+            self._end_stop(stops)
             self._seed = None
             self._wait_for_motion(before.motion)
             # One that began while the request was on its way has ended, unseen as yet.
             while _is_before(self._servo.state().first, placed["sequence"]):
                 self._wait_for_motion(self._motion)
         else:
-            self._move_there(q, fixture)
+            self._move_there(q, fixture, stops)
         hold = self.facts.robot.tool_pose(q)
         self._servo.hold_at(hold.position, hold.quat_wxyz)
         return self._begin_episode()
@@ -466,8 +471,10 @@ class FriArm:
         self._servo.lean(q)
 
     def stop(self) -> None:
-        """Brake to rest and hold until `clear` or `reset`."""
-        self._servo.stop()
+        """Brake to rest and hold until `clear`, or a `reset` that begins later."""
+        with self._stop_lock:
+            self._stops += 1
+            self._servo.stop()
 
     def clear(self) -> None:
         """End a stop; a cause that is still there stops the arm again."""
@@ -556,38 +563,47 @@ class FriArm:
         if state.is_stopped:
             raise stop_error(servo, state)
 
-    def _move_there(self, q: Vec7, fixture: Pose) -> None:
-        """Drive to q [rad], in the next motion where one ends on the way."""
+    def _end_stop(self, stops: int) -> None:
+        """End a stop, unless another has come since there were `stops`."""
+        with self._stop_lock:
+            if self._stops == stops:
+                self._servo.clear()
+
+    def _move_there(self, q: Vec7, fixture: Pose, stops: int) -> None:
+        """Drive to q [rad], in the next motion where one ends on the way.
+
+        Args:
+            q: The start [rad].
+            fixture: Where the fixture is.
+            stops: Number of stops when the reset began: a later one holds.
+        """
         end = time.monotonic() + self._timeout
         while True:
             self.connect()
             if self._control is not None:
                 self._control.move_fixture(fixture)
             try:
-                self._move_to(q, fixture)
+                self._move_to(q, fixture, stops)
                 return
             except ArmError as error:
                 if error.reason != "motion_ended" or time.monotonic() > end:
                     raise
                 self._left = self._servo.state().q
 
-    def _move_to(self, q: Vec7, fixture: Pose) -> None:
+    def _move_to(self, q: Vec7, fixture: Pose, stops: int) -> None:
         """Drive to q [rad], below the limits, if it is near or this was asked for.
 
         Raises:
             ArmError: The arm is too far away, or does not arrive.
         """
+        robot, limits, here = self.facts.robot, self.facts.limits, self._servo.state().q
         if not self._approach:
-            require_near(self.facts.robot, self._servo.state().q, q, self._left)
+            require_near(robot, here, q, self._left)
+        z_max = float(limits.x_max[2] - 2.0 * limits.delta_x)
+        way = plan_reset(robot, here, q, fixture, z_max)
+        self._end_stop(stops)
         cycles = max(1, round(TICK / self.facts.period))
-        drive_to(
-            self.facts.robot,
-            self._servo.state,
-            lambda target: self._follow(target, cycles),
-            q,
-            fixture,
-            float(self.facts.limits.x_max[2] - 2.0 * self.facts.limits.delta_x),
-        )
+        drive_along(way, self._servo.state, lambda target: self._follow(target, cycles))
 
     def _state(self) -> ArmState:
         from dovetail import _core

@@ -4,7 +4,7 @@ For arms that cannot be placed. The path is joint targets at a fixed rate, follo
 below every limit like any other target.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
@@ -62,36 +62,30 @@ _LEVEL = 1e-6
 _SAMPLES = 33
 
 
-def drive_to(
-    robot: "Robot",
+def drive_along(
+    way: Sequence[Vec7],
     observe: Callable[[], Observed],
     follow: Callable[["_core.Target"], None],
-    q: Vec7,
-    fixture: Pose,
-    z_max: float,
 ) -> None:
-    """Drive to q [rad], below the limits.
+    """Drive along a way, below the limits, and wait for the rest at its end.
 
     Args:
-        robot: The arm, tool included.
-        observe: Returns where it is.
+        way: Of `plan_reset` [rad].
+        observe: Returns where the arm is.
         follow: Follows a target for `TICK`.
-        q: The start [rad].
-        fixture: The fixture; it is passed at a distance.
-        z_max: No higher than this [m].
 
     Raises:
         ArmError: The arm does not arrive.
     """
     from dovetail import _core
 
-    for q_d in plan_reset(robot, observe().q, q, fixture, z_max):
+    for q_d in way:
         follow(_core.Target(joint_mode=True, q_d=q_d))
-    at_goal = _core.Target(joint_mode=True, q_d=q)
+    at_goal = _core.Target(joint_mode=True, q_d=way[-1])
     error = np.zeros(7)
     for _ in range(round(ARRIVAL_TIME / TICK)):
         state = observe()
-        error = np.abs(state.q - q)
+        error = np.abs(state.q - way[-1])
         if error.max() < ARRIVED and np.abs(state.dq).max() < 2.0 * ARRIVED:
             return
         follow(at_goal)

@@ -136,9 +136,7 @@ class ArmHost:
             require()
             if stop is not None and stop.is_ordered:
                 raise ArmError(f"the arm is stopped ({stop.reason}): clear it first")
-            with self._ends(stop):
-                if stop is not None:
-                    arm.clear()
+            with self._ends(stop):  # the arm ends it, unless it refuses
                 if seed is not None:
                     arm.seed(seed)
                 state = arm.reset(q, fixture)

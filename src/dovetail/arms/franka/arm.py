@@ -10,6 +10,7 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 from dataclasses import replace
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self
@@ -45,7 +46,7 @@ from dovetail.arms.franka.reflexes import (
     motion_ended,
     not_connected,
 )
-from dovetail.arms.reset_motion import TICK, drive_to
+from dovetail.arms.reset_motion import TICK, drive_along, plan_reset
 from dovetail.arms.start_distance import require_near
 from dovetail.control.settings import ControllerSettings
 from dovetail.control.torque_limits import check_torque
@@ -230,13 +231,16 @@ class FrankaArm:
         self._chain = robot.chain()
         self._left: Vec7 | None = None
         self._begin = 0.0
-        self._has_begun = False
         self._problem = ""
+        self._stop_lock = threading.Lock()
+        self._stops, self._is_stopped = 0, False
         self._start()
 
     def _start(self) -> None:
-        """Start the loop, and wait until it has the arm."""
+        """Start the loop, and wait until it has the arm; a stop outlives it."""
         self._counts: Counts | None = None  # of this loop: none, it has no arm yet
+        self._has_begun = False
+        self._is_starting = True  # it takes no stop, and holds the arm where it is
         address = self._address
         job = Job(
             host=address.host,
@@ -262,6 +266,10 @@ class FrankaArm:
         try:
             self._order(job)
             self._begin_motion()
+            with self._stop_lock:
+                self._is_starting = False
+                if self._is_stopped:
+                    self._order(Stop())
         except BaseException:  # Ctrl-C, too: nobody else ends the loop
             self.close()
             raise
@@ -301,25 +309,26 @@ class FrankaArm:
     def reset(self, q: Vec7, fixture: Pose) -> ArmState:
         """Drive to q [rad], below the limits, at rest; latch what is held.
 
-        Ends a stop, and begins a motion anew where one has ended.
+        Begins a motion anew where one has ended. Ends a stop from before, once nothing
+        bars the way.
 
         Raises:
             ArmError: It is too far away, does not arrive, or the motion ended.
         """
-        q = require_configuration(q)
+        q, stops = require_configuration(q), self._stops
         if not self._is_alive():
             self._start()
+        robot, limits, here = self.facts.robot, self.facts.limits, self._seen.q
         if not self._address.approach:
-            require_near(self.facts.robot, self._seen.q, q, self._left)
-        self._order(Clear())
-        limits = self.facts.limits
-        drive_to(
-            self.facts.robot,
-            lambda: self._seen,
-            lambda target: self._follow(target, round(TICK / PERIOD)),
-            q,
-            fixture,
-            float(limits.x_max[2] - 2.0 * limits.delta_x),
+            require_near(robot, here, q, self._left)
+        z_max = float(limits.x_max[2] - 2.0 * limits.delta_x)
+        way = plan_reset(robot, here, q, fixture, z_max)
+        with self._stop_lock:
+            if self._stops == stops:  # a later one holds
+                self._end_stop()
+        cycles = round(TICK / PERIOD)
+        drive_along(
+            way, lambda: self._seen, lambda target: self._follow(target, cycles)
         )
         hold = self.facts.robot.tool_pose(q)
         self._order(Latch(hold.position, hold.quat_wxyz))
@@ -348,12 +357,17 @@ class FrankaArm:
         """Do nothing: a real arm's noise is its own."""
 
     def stop(self) -> None:
-        """Brake to rest and hold until `clear` or `reset`."""
-        self._order(Stop())
+        """Brake to rest and hold until `clear`, or a `reset` that begins later."""
+        with self._stop_lock:
+            self._stops += 1
+            self._is_stopped = True
+            if not self._is_starting:
+                self._order(Stop())
 
     def clear(self) -> None:
         """End a stop; the arm is held until the next step or `reset`."""
-        self._order(Clear())
+        with self._stop_lock:
+            self._end_stop()
 
     def statistics(self) -> dict[str, Any]:
         """Return counts and times of the loop, and what a person should read."""
@@ -379,6 +393,11 @@ class FrankaArm:
         self._pipe.close()
 
     # -- inside ------------------------------------------------------------------
+
+    def _end_stop(self) -> None:
+        self._is_stopped = False
+        if not self._is_starting:
+            self._order(Clear())
 
     def _is_alive(self) -> bool:
         return self._loop.poll() is None
