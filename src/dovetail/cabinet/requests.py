@@ -129,7 +129,12 @@ class RequestDesk:
     def _agree(self, request: dict[str, Any]) -> dict[str, Any]:
         """Refuse a client whose robot or cell file says something else than ours."""
         cell = self._controller.body.plant.cell
-        if isinstance(text := request.get("robot"), str):
+        if "robot" in request:
+            if not isinstance(text := request["robot"], str):
+                raise ConfigError(
+                    f"robot is {_short(text)}; give the text of a robot, or leave it "
+                    "out: then it is not compared"
+                )
             robot = read_robot_text(text)
             if different := difference(robot, cell.robot):
                 raise ConfigError(
