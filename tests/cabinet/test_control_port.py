@@ -112,8 +112,26 @@ def test_a_cabinet_that_is_still_starting_is_waited_for():
 
 
 def test_a_robot_that_is_none_is_refused(line):
-    for robot in ("{", json.dumps({"name": "arm"})):
-        assert "robot" in line.ask(do="agree", robot=robot)["error"]
+    for robot in ("{", json.dumps({"name": "arm"}), 5, ["fr3"], {}, None):
+        for request in ({"do": "agree"}, PLACE):
+            assert "robot" in line.ask(**request, robot=robot)["error"]
+
+
+def test_a_wrong_number_in_a_request_does_not_spoil_the_log(make, client, tmp_path):
+    client.start()
+    path = tmp_path / "log"
+    with make(log=path) as cabinet:
+        line = Line(cabinet.control_address)
+        line.send(b'{"do": "push", "force": [NaN, 1e999, 0], "duration": 1}')
+        line.close()
+
+    def refuse(constant):
+        raise AssertionError(constant)
+
+    texts = path.read_text().splitlines()
+    lines = [json.loads(text, parse_constant=refuse) for text in texts]
+    asked = next(line["request"] for line in lines if line["event"] == "request")
+    assert asked["force"] == [None, None, 0]
 
 
 def test_place_puts_the_arm_there_and_restarts_the_motion(cabinet, line, client):

@@ -39,6 +39,8 @@ def test_each_value_has_a_row_and_a_folder_and_the_last_is_the_sum(tmp_path):
     assert parts[0]["title"] != parts[1]["title"]
     table = json.loads((each.folder / "table.json").read_text())
     assert [row["label"] for row in table] == labels
+    assert table[-1]["successes"] == 0
+    assert table[-1]["steps_median"] is None
 
 
 def test_a_value_that_is_refused_is_named_and_the_others_are_tried(

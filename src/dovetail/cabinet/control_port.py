@@ -15,6 +15,7 @@ from typing import Any
 from dovetail.cabinet.config import Endpoint
 from dovetail.cabinet.udp_port import bind_error, resolve
 from dovetail.errors import ConfigError
+from dovetail.page import finite
 from dovetail.reading import parse_json
 
 MAX_LINE = 65536
@@ -153,4 +154,5 @@ class ControlPort:
         return False
 
     def _reply(self, client: _Client, answer: dict[str, Any]) -> None:
-        client.connection.sendall(json.dumps(answer).encode() + b"\n")
+        line = json.dumps(finite(answer), allow_nan=False)
+        client.connection.sendall(line.encode() + b"\n")

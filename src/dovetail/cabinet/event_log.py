@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any, TextIO
 
 from dovetail.errors import LogError
+from dovetail.page import finite
 
 
 class EventLog:
@@ -35,7 +36,8 @@ class EventLog:
         now = time.monotonic() - self._start
         line = {"event": event, "unix": time.time(), "since_start": round(now, 6)}
         try:
-            self._file.write(json.dumps(line | facts) + "\n")
+            # A request may hold nan, which is no JSON.
+            self._file.write(json.dumps(finite(line | facts), allow_nan=False) + "\n")
             self._file.flush()
         except (OSError, ValueError) as error:
             self.failure = f"log {self.path} ended: {error}"

@@ -17,6 +17,7 @@ from dovetail.files import claim_output_folder, dated_folder, write_atomic
 from dovetail.learn.policy import Policy, find_policy
 from dovetail.learn.policy_env import known_env_id
 from dovetail.learn.variation import varied_values
+from dovetail.page import finite
 
 
 class Each(NamedTuple):
@@ -76,7 +77,8 @@ def evaluate_each(
     rows.append(summarise(outcomes, names)[-1])
     console.rule("all")
     console.print(render_table(rows))
-    write_atomic(folder / "table.json", json.dumps([row.numbers() for row in rows]))
+    table = finite([row.numbers() for row in rows])  # no try may have succeeded
+    write_atomic(folder / "table.json", json.dumps(table, allow_nan=False))
     if refused:
         console.print(f"not tried: {', '.join(refused)}", soft_wrap=True)
     return Each(rows, list(done.values()), folder, refused)
