@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 from dovetail.control.proven import DECLARED
-from dovetail.doctor.gravity_error import allowed_gravity_error
+from dovetail.doctor.gravity_error import allowed_gravity_error, check_missed
 from dovetail.envs.registered import find_cell
+from dovetail.robots.missed_load import load_torques
+from dovetail.robots.robot import Payload
 
 GRAVITY = np.array([0.0, 0.0, -9.81])
 FLOOR = 0.05  # of the motor's torque
@@ -62,3 +64,16 @@ def test_a_narrower_declaration_allows_less():
     floor = FLOOR * np.asarray(robot.limits.tau_max)
     np.testing.assert_allclose(exact[4:], floor[4:])
     assert (usual >= floor).all()
+
+
+@pytest.mark.parametrize(
+    ("there", "status"), [(0.0, "broken"), (0.4, "broken"), (1.3, "ok"), (2.0, "ok")]
+)
+def test_a_declared_tool_that_is_not_there_is_found(there, status, rng):
+    com = np.array([0.0, 0.0, 0.08])
+    tool = Payload(mass=2.0, com=com, inertia=0.01 * np.eye(3))
+    robot = replace(find_cell().robot, payload=tool)
+    q = robot.posture("down")
+    error = (there - tool.mass) * load_torques(robot, q) @ np.array([1.0, *com])
+    error += rng.normal(0.0, 0.1, 7)
+    assert check_missed(robot, q, error, np.full(7, 0.05), DECLARED).status == status

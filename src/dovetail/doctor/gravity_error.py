@@ -22,6 +22,7 @@ from dovetail.control.proven import GRAVITY_ERROR, unproven
 from dovetail.doctor.check import Check, signed
 from dovetail.doctor.torque_balance import JointFit
 from dovetail.robots.missed_load import (
+    LIGHTEST,
     MissedLoad,
     declared_load,
     explain_by_load,
@@ -167,9 +168,11 @@ def _load_text(robot: Robot, load: MissedLoad) -> str:
         declared_load(robot),
         load.total(*declared_load(robot)),
     )
+    said = f"a load of {whole:.2f} kg at {signed(1e3 * where, 0)} mm from the flange"
+    if whole < LIGHTEST:
+        said = "a bare flange, without the tool,"
     return (
-        f"a load of {whole:.2f} kg at {signed(1e3 * where, 0)} mm from the flange "
-        f"would explain {100 * load.explained:.0f} % of it, in place of {mass:.2f} kg "
-        f"at {signed(1e3 * com, 0)} mm (one pose does not tell where it is along "
-        "gravity)"
+        f"{said} would explain {100 * load.explained:.0f} % of it, in place of "
+        f"{mass:.2f} kg at {signed(1e3 * com, 0)} mm (one pose does not tell where it "
+        "is along gravity)"
     )

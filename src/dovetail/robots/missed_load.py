@@ -19,7 +19,10 @@ from dovetail.types import Array, Vec3, Vec7
 EXPLAINED = 0.9
 """Share of a gravity error from which a load may be its cause, and is named [1]."""
 LIGHTEST, FARTHEST = 0.05, 0.5
-"""Least mass [kg] and farthest centre of mass [m] of a load that is believed."""
+"""Least mass [kg] and farthest centre of mass [m] of a load that is believed; with less
+mass the flange is bare, and has no centre."""
+BELOW_NOTHING = 0.2
+"""Mass below zero that a bare flange may seem to carry, by friction and noise [kg]."""
 _GRAVITY = 9.81
 _SIZES = np.array([1.0, 0.1, 0.1, 0.1])
 """Usual error of the mass [kg], and of its moments [kg m]."""
@@ -87,10 +90,15 @@ def _turned(angular: Array, lever: Vec3) -> Vec7:
 
 
 def is_plausible(robot: Robot, load: MissedLoad) -> bool:
-    """Return True if a flange may carry the load and it explains most of the error."""
+    """Return True if a flange may carry the load and it explains most of the error.
+
+    It may carry nothing: the declared tool is not there.
+    """
     whole, where = load.total(*declared_load(robot))
-    is_near = bool(np.linalg.norm(where) < FARTHEST)
-    return load.explained > EXPLAINED and whole > LIGHTEST and is_near
+    can_be = whole > -BELOW_NOTHING
+    if whole > LIGHTEST:
+        can_be = bool(np.linalg.norm(where) < FARTHEST)
+    return load.explained > EXPLAINED and can_be
 
 
 def declared_load(robot: Robot) -> tuple[float, Vec3]:
