@@ -330,6 +330,15 @@ def test_gravity_tells_the_sign_of_the_measured_torque(factor, status, words):
     assert words in check.detail
 
 
+@pytest.mark.parametrize(
+    ("external", "status"), [(0.0, "ok"), (-90.0, "broken"), (np.nan, "broken")]
+)
+def test_a_held_arm_whose_external_torque_is_not_known_is_not_ok(external, status):
+    arm = StubArm()
+    rest = fri_arm.HeldState(arm.q, 0.0, np.zeros(7), np.full(7, external), None)
+    assert fri_arm.check_drift(arm, rest, DECLARED).status == status
+
+
 def test_an_upright_arm_says_nothing_about_gravity():
     arm = StubArm()
     rest = fri_arm.HeldState(np.zeros(7), 0.0, np.zeros(7), np.zeros(7), None)

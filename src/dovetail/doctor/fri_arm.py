@@ -256,6 +256,8 @@ def check_gravity(arm: FriArm, rest: HeldState, address: FriAddress) -> Check:
 
 def check_drift(arm: FriArm, rest: HeldState, declared: dict[str, Any]) -> Check:
     """Check drift and external torque, which is missed gravity, of the held arm."""
+    if not np.isfinite(rest.external).all():
+        return Check("hold", "broken", "the cabinet sends no external torque")
     worst, allowed, is_outside = worst_miss(
         arm.facts.robot, rest.q, rest.external, declared
     )
