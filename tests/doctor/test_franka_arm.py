@@ -8,14 +8,19 @@ from dovetail.arms.address import parse_address
 from dovetail.arms.franka.at_rest import Rest
 from dovetail.cli import run
 from dovetail.control.proven import DECLARED
+from dovetail.doctor import franka_arm
 from dovetail.doctor.franka_arm import (
+    check_load,
     check_loop,
     check_machine,
     check_model,
     check_sensors,
     run_franka_checks,
 )
+from dovetail.doctor.standstill import AS_CONFIGURED
 from dovetail.envs.registered import find_cell
+from dovetail.errors import ArmError
+from dovetail.robots.missed_load import load_torques
 
 
 @pytest.fixture(autouse=True)
@@ -69,6 +74,40 @@ def at_rest(robot, scale=1.0):
 def test_sensors_are_compared_with_the_models_weight(scale, status):
     robot = find_cell(robot="fr3").loaded_robot()
     assert check_sensors(robot, at_rest(robot, scale)).status == status
+
+
+@pytest.mark.parametrize(
+    ("measured", "held", "status", "word"),
+    [
+        (True, None, "ok", "show no other"),
+        (False, 0.0, "ok", "show no other"),
+        (False, 0.5, "ok", "show 1.4"),
+        (False, np.eye(7)[0] * 3.0, "missing", "not known"),
+    ],
+)
+def test_a_load_that_no_torque_shows_is_said_and_not_ok(measured, held, status, word):
+    robot = find_cell(robot="fr3").loaded_robot()
+    rest = at_rest(robot)._replace(is_measured=measured)
+    if isinstance(held, float):
+        held = held * load_torques(robot, rest.q)[:, 0]
+    check = check_load(robot, rest._replace(held=held))
+    assert (check.status, check.is_essential) == (status, status == "ok")
+    assert word in check.detail
+
+
+@pytest.mark.parametrize("reason", ["wrong_load", "joint_reflex"])
+def test_an_arm_that_is_lost_when_it_is_held_once_more_is_a_row(monkeypatch, reason):
+    builds, build = [], franka_arm._build
+
+    def lost_the_second_time(*given):
+        builds.append(build(*given) if not builds else None)
+        if builds[-1] is None:
+            raise ArmError("lost", reason)
+        return builds[-1]
+
+    monkeypatch.setattr(franka_arm, "_build", lost_the_second_time)
+    last = list(checks("127.0.0.1").values())[-1]
+    assert (last.name, last.status, last.detail) == (AS_CONFIGURED, "broken", "lost")
 
 
 def test_sensors_without_noise_are_named():

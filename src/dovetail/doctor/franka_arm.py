@@ -33,8 +33,9 @@ from dovetail.doctor.fri_arm import (
     Ask,
     check_turns,
 )
-from dovetail.doctor.gravity_error import check_missed, worst_miss
+from dovetail.doctor.gravity_error import NOTHING, check_missed, worst_miss
 from dovetail.doctor.standstill import (
+    AS_CONFIGURED,
     check_as_configured,
     check_standstill,
     measure_standstill,
@@ -101,12 +102,24 @@ def run_franka_checks(
         arm.close()
     question = "The arm will be held once more, with the controller that tasks run with"
     if ask is None or ask(question):
+        yield _hold_as_configured(address, cell, osc, limits)
+
+
+def _hold_as_configured(
+    address: FrankaAddress, cell: Workcell, osc: OscConfig, limits: LimitConfig
+) -> Check:
+    """Hold the arm where it stands with a task's settings, walls apart."""
+    try:
         arm = _build(address, cell, osc, replace(limits, walls=False))
-        try:
-            _stay(arm)
-            yield check_as_configured(arm)
-        finally:
-            arm.close()
+    except ArmError as error:
+        return Check(AS_CONFIGURED, "broken", str(error))
+    try:
+        _stay(arm)
+        return check_as_configured(arm)
+    except ArmError as error:
+        return Check(AS_CONFIGURED, "broken", str(error))
+    finally:
+        arm.close()
 
 
 def _build(
@@ -202,11 +215,18 @@ def check_load(robot: Robot, rest: Rest) -> Check:
         f"{rest.hand:.2f} kg of it Desk's end effector; the cell says {mass:.2f} kg at "
         f"{signed(1e3 * com, 0)} mm"
     )
-    if rest.is_measured:
-        found, is_load = measure_load(robot, rest, rest.external)
-        if is_load:
-            detail += f"; its torques show {found:.2f} kg"
-    return Check("load", "ok", detail)
+    missed = rest.external if rest.is_measured else rest.held
+    assert missed is not None
+    found, is_load = measure_load(robot, rest, missed)
+    if is_load:
+        return Check("load", "ok", f"{detail}; its torques show {found:.2f} kg")
+    if np.abs(missed).max() <= NOTHING:
+        return Check("load", "ok", f"{detail}; its torques show no other")
+    text = (
+        f"{detail}; what hangs there is not known, as no load explains the torques at "
+        f"rest, {signed(missed)} Nm beyond it: let nothing touch the arm, and weigh it"
+    )
+    return Check("load", "missing", text, is_essential=False)
 
 
 def check_model(robot: Robot, rest: Rest, declared: dict[str, Any]) -> Check:

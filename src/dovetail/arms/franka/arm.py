@@ -290,7 +290,9 @@ class FrankaArm:
         self._order(Begin())
         self._seen = self._receive(self._address.timeout)
         # Without sensors the torque that holds the arm tells the load.
-        require_true_load(robot, self.rest, self._hold(), error)
+        held = self._hold()
+        self.rest = self.rest._replace(held=held)
+        require_true_load(robot, self.rest, held, error)
 
     def _hold(self) -> Vec7:
         """Hold the arm where it is; return the mean torque of the last third [Nm]."""

@@ -30,6 +30,8 @@ class Rest(NamedTuple):
     """Their centre of mass in the flange frame [m]."""
     gravity: Vec7 | None = None
     """Gravity by the arm's own model, load included [Nm]; None where not asked for."""
+    held: Vec7 | None = None
+    """Torque that holds it beyond what it compensates [Nm]; None before a motion."""
 
 
 def look(arm: Any, *, ask_model: bool = False) -> Rest:
