@@ -44,7 +44,8 @@ def require_near(robot: "Robot", q: Vec7, q_start: Vec7, left: Vec7 | None) -> N
         f"the arm is {distance:.2f} m from its start at "
         f"{np.round(start, 2).tolist()} m, and {JOINTS[joint]} {turns[joint]:.2f} rad; "
         f"unasked it moves {FARTHEST:g} m and {FARTHEST_TURN:g} rad at most. Move it "
-        "nearer from the smartPAD, or let it go there: --approach (approach=yes in the "
-        "address), slowly, up, across and down; see that nothing is in the way",
+        "nearer by hand or from the smartPAD, or let it go there: --approach "
+        "(approach=yes in the address), slowly, up, across and down; see that nothing "
+        "is in the way",
         "far",
     )
