@@ -24,6 +24,7 @@ from dovetail.envs.config import EnvConfig
 from dovetail.envs.registered import find_cell
 from dovetail.errors import ConfigError
 from dovetail.perceive.board import Board
+from dovetail.perceive.camera import load_camera
 from dovetail.perceive.edges import edge_width
 from dovetail.perceive.opencv import opencv
 from dovetail.perceive.rehearsal import board_of, viewpoint
@@ -32,6 +33,7 @@ from dovetail.perceive.sources import Frame
 from dovetail.plants.twin import load_twin
 
 from .scene import beside
+from .test_flange import EXAMPLE
 
 
 def sines(t):
@@ -104,7 +106,7 @@ def watched(opengl):
     source = Simulated(CAMERA, cell, load_twin("medium").camera)
     task = TaskSpec.parse(TASK)
     arm = build_arm("twin:medium", cell, task, EnvConfig(period=0.005))
-    q = viewpoint(CAMERA, cell)
+    q = viewpoint(CAMERA, cell, 0.04)
     yield watch_moving(arm, source, q, lambda q: board_of(CAMERA, cell, q))
     arm.close()
     source.close()
@@ -119,6 +121,14 @@ def test_the_delay_that_a_twin_declares_is_found(watched):
     assert [check.status for check in found.values()] == ["ok"] * 7
     told = float(found["delay"].detail.split()[0])
     assert told == pytest.approx(50.0, abs=3.0)  # ms
+
+
+@pytest.mark.parametrize("robot", ["iiwa14", "fr3"])
+def test_a_camera_on_the_flange_is_not_moved_by_a_wall(opengl, robot):
+    camera, cell = load_camera(EXAMPLE), find_cell(robot=robot)
+    found = list(run_camera_checks(camera, None, cell, None, 0.005))
+    assert found[-1].name == "delay"
+    assert [check.status for check in found] == ["ok"] * 7
 
 
 def test_a_file_that_is_wrong_about_its_camera_is_corrected(watched):

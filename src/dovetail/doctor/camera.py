@@ -155,7 +155,8 @@ def _begin(arm: Arm, camera: Camera, cell: Workcell) -> np.ndarray:
     if isinstance(arm, FriArm):
         arm.connect()
         return arm.monitoring().q
-    return viewpoint(camera, cell)
+    margin = 2.0 * (arm.facts.limits.delta_x + AMPLITUDE)
+    return viewpoint(camera, cell, margin)
 
 
 def check_camera(camera: Camera, watched: Watched) -> Iterator[Check]:

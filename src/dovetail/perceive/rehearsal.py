@@ -72,13 +72,18 @@ def shoot(
         source.close()
 
 
-def viewpoint(camera: Camera, cell: Workcell, seed: int = 0) -> Vec7:
+def viewpoint(camera: Camera, cell: Workcell, margin: float) -> Vec7:
     """Return a configuration [rad] in which the camera sees the board.
+
+    Args:
+        camera: What is believed of it.
+        cell: Its robot, tool and walls.
+        margin: How far inside of every wall the tool is [m]: else a wall pushes it.
 
     Raises:
         ConfigError: The arm reaches none.
     """
-    return reachable(camera, cell, np.random.default_rng(seed))
+    return reachable(camera, cell, np.random.default_rng(0), margin)
 
 
 def board_of(camera: Camera, cell: Workcell, q: Vec7) -> Pose:
