@@ -57,3 +57,25 @@ def test_a_cylinder_is_round(angle):
     assert signed_area(line) == pytest.approx(np.pi * 0.004**2, rel=0.01)
     points = surface_points(held(shape))
     np.testing.assert_allclose([points[:, 2].min(), points[:, 2].max()], [-0.02, 0.0])
+
+
+@pytest.mark.parametrize(
+    "lowest",
+    [[(0, 0)], [(0, -4), (0, 4)]],
+    ids=["a point", "an edge"],
+)
+def test_an_end_without_an_area_is_as_wide_as_what_follows(lowest):
+    corners = [(x, y, 0.0) for x, y in lowest]
+    corners += [(x, y, -15.0) for x in (-5, 5) for y in (-4, 4)]
+    shape = Primitive("tip", "convex", tuple(1e-3 * np.ravel(corners)), np.zeros(3))
+    line = end_outline(held(shape), 0.0002)
+    np.testing.assert_allclose(line.max(axis=0), [0.0052, 0.0042])
+    np.testing.assert_allclose(line.min(axis=0), [-0.0052, -0.0042])
+
+
+def test_a_sharp_corner_of_the_end_is_no_refusal():
+    corners = [(x, y, z) for x, y in ((0, 0), (20, 1), (20, -1)) for z in (0, -30)]
+    shape = Primitive("blade", "convex", tuple(1e-3 * np.ravel(corners)), np.zeros(3))
+    line = end_outline(held(shape), 0.0002)
+    assert is_convex(line)
+    assert line[:, 0].min() == pytest.approx(-0.0004)

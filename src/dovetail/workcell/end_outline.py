@@ -4,11 +4,13 @@ import numpy as np
 
 from dovetail.poses import matrix_from_quat
 from dovetail.types import Array
-from dovetail.workcell.outline import offset_line
+from dovetail.workcell.outline import moved_corners, signed_area
 from dovetail.workcell.parts import Part
 
 _LAYER = 0.0005
 """Height of the layer above the lowest point that counts as the end [m]."""
+_LEAST_AREA = 1e-8
+"""Area of an end below which more of a pointed or sharp part counts as it [m2]."""
 _SIDES = 48
 """Points that stand for a circle."""
 _SAME = 1e-6
@@ -26,10 +28,15 @@ def end_outline(held: Part, gap: float) -> Array:
         Corners as seen from above the fixture, counter-clockwise, shape (corners, 2).
     """
     points = surface_points(held)
-    end = points[points[:, 2] > points[:, 2].max() - _LAYER]
-    line = hull_line(end[:, :2] * [1.0, -1.0])  # the tool's z points down
+    above = points[:, 2].max() - points[:, 2]
+    seen = points[:, :2] * [1.0, -1.0]  # the tool's z points down
+    layer = _LAYER
+    line = hull_line(seen[above < layer])
+    while signed_area(line) < _LEAST_AREA and layer < above.max():
+        layer *= 2.0
+        line = hull_line(seen[above < layer])
     after = np.roll(line, -1, axis=0)
-    return offset_line(line[np.linalg.norm(after - line, axis=1) > _SAME], gap)
+    return moved_corners(line[np.linalg.norm(after - line, axis=1) > _SAME], gap)
 
 
 def surface_points(part: Part) -> Array:
@@ -61,7 +68,7 @@ def hull_line(points: Array) -> Array:
     """
     ordered = np.unique(points, axis=0)  # by x, then y
     lower, upper = _chain(ordered), _chain(ordered[::-1])
-    return np.array([*lower[:-1], *upper[:-1]])
+    return np.array([*lower[:-1], *upper[:-1]]).reshape(-1, 2)
 
 
 def _chain(ordered: Array) -> list[Array]:
