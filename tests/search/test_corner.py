@@ -243,6 +243,19 @@ def test_it_inserts_any_part_that_a_file_describes(table):
     env.close()
 
 
+@pytest.mark.parametrize("at", [(0.0, 0.0), (8.0, 6.0), (30.0, 6.0)])
+def test_where_the_origin_of_an_outline_lies_does_not_matter(at):
+    need("shapely")
+    corners = [(0, 0), (16, 0), (16, 12), (0, 12)]
+    outline = [[x - at[0], y - at[1]] for x, y in corners]
+    env, core = insertion(PIN | {"outline": outline, "depth": 15, "block": 100})
+    actor = CornerSearch(core)
+    middle = np.array([8.0, 6.0]) - at
+    np.testing.assert_allclose(1e3 * actor._middle, middle, atol=1e-9)
+    assert actor._size == pytest.approx(0.0099, abs=1e-4)
+    env.close()
+
+
 LISTED = {
     "held": {"shapes": [{"outline": "square 20", "z": [-20, 60]}]},
     "fixture": {

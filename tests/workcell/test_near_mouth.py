@@ -76,3 +76,14 @@ def test_in_a_closed_opening_the_farthest_corner_is_searched_with():
     held = [{"outline": "rectangle 30 10", "z": [-20, 60]}]
     corner = outline(held, [hole, PLATE]).corner
     np.testing.assert_allclose(np.abs(corner), [0.0153, 0.0053], atol=1e-5)
+
+
+@pytest.mark.parametrize("open_to", [1, -1])
+def test_an_end_far_beside_the_middle_is_searched_with_a_corner_at_its_walls(open_to):
+    held = [{"outline": "square 10", "at": [30, 0], "z": [-20, 60]}]
+    fixture = [
+        one | {"at": [30, one.get("at", [0, 0])[1]]}
+        for one in slot(5.3, open_to, [-20, 0])
+    ]
+    found = outline(held, [*fixture, PLATE])
+    assert (found.corner[0] - 0.03) * open_to < 0.0

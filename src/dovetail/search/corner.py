@@ -82,6 +82,8 @@ _SUNK = 0.6
 below the end's middle under the surface [1]."""
 _AWAY = 0.008
 """Most distance from a post at which that corner is put down [m]."""
+_BESIDE_MIDDLE = 0.5
+"""Share of the room about an opening's middle from which 0 0 is no middle of it [1]."""
 _FAR = 0.85
 """Least distance from the middle of a corner that is tried, per the farthest's [1]."""
 _UPRIGHT = 0.001
@@ -133,18 +135,21 @@ class CornerSearch:
         self._env = env
         self._side = -1.0 if outline.is_post else 1.0
         """Side of the corner on which walls stop it: 1 outwards, -1 inwards."""
-        self._middle = _middle_of(outline.opening) if outline.is_post else np.zeros(2)
+        self._middle = _middle_of(outline)
         """Middle of the opening, or of the post [m]."""
         line = outline.opening - self._middle
         radius = float(np.linalg.norm(line, axis=1).max())
         gap = env.task.gap() or 0.0
-        self._inward = 1.0 - self._side * gap / _inner_radius(line)
+        room = max(_inner_radius(line), gap, 1e-9)
+        self._inward = 1.0 - self._side * gap / room
         corner = outline.corner
         if corner is None:
-            corner = max(outline.opening, key=lambda point: float(point @ point))
+            farthest = max(line, key=lambda point: float(point @ point))
+            corner = self._middle + farthest
         self._take_corner(corner)
         is_notched = not is_convex(outline.opening[:-1])
-        self._others = _far_corners(outline.opening, radius) if is_notched else []
+        far = _far_corners(line, radius) if is_notched else []
+        self._others = [self._middle + one for one in far]
         """Corners that are tried in turn: what falls into a notched opening may lie in
         another arm of it than its own."""
         self._depth, self._wide = outline.depth, 2.0 * radius
@@ -269,10 +274,10 @@ class CornerSearch:
         angle = _GOLDEN * self._tries
         beside = self._pitch * np.array([math.cos(angle), math.sin(angle), 0.0])
         # From here, not from the middle, most of the opening catches the corner.
-        first = 0.3 * self._part_corner
+        away = -0.7 * self._size
         if self._side < 0.0:
             away = min(0.7 * self._size, _AWAY)
-            first = self._part_corner + away * self._along
+        first = self._part_corner + away * self._along
         middle = first + min(self._tries, 1) * beside
         self._path = [middle, *self._rings(middle)]
         self._tries += 1
@@ -667,15 +672,28 @@ def _size_of(opening: Array, radius: float) -> float:
     return min(radius, 2.0 * _inner_radius(opening))
 
 
-def _middle_of(line: Array) -> Array:
-    """Return the centre of the area in a closed line [m]."""
+def _middle_of(outline: Outline) -> Array:
+    """Return the middle of a post, or of an opening [m].
+
+    An opening's is 0 0, unless it was drawn beside that or with an edge next to it:
+    then it is the centre of its area.
+    """
+    line = outline.opening
     a, b = line[:-1], line[1:]
     area = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
-    return ((a + b) * area[:, None]).sum(axis=0) / (3.0 * area.sum())
+    centre = ((a + b) * area[:, None]).sum(axis=0) / (3.0 * area.sum())
+    own, most = float(_rooms(line).min()), float(_rooms(line - centre).min())
+    is_beside = own < min(_BESIDE_MIDDLE * most, most)
+    return centre if outline.is_post or is_beside else np.zeros(2)
 
 
 def _inner_radius(opening: Array) -> float:
     """Return the distance from the origin to the nearest edge of a closed line [m]."""
+    return float(np.abs(_rooms(opening)).min())
+
+
+def _rooms(opening: Array) -> Array:
+    """Return how far the origin is to the left of each edge of a closed line [m]."""
     begin, way = opening[:-1], np.diff(opening, axis=0)
     area = begin[:, 0] * way[:, 1] - begin[:, 1] * way[:, 0]
-    return float(np.min(np.abs(area) / np.linalg.norm(way, axis=1)))
+    return area / np.linalg.norm(way, axis=1)

@@ -74,8 +74,13 @@ def walled_corner(sections: Sequence[Array], opening: Array) -> Array:
 
     Args:
         sections: Of the fixture.
-        opening: Corners of a convex line about the middle, counter-clockwise.
+        opening: Corners of a convex line, counter-clockwise. It is seen from 0 0, or
+            from its own middle where it does not hold that.
     """
+    if inside(opening, np.zeros((1, 2))).min() <= 0.0:
+        middle = opening.mean(axis=0)
+        moved = [line - middle for line in sections]
+        return middle + walled_corner(moved, opening - middle)
     angles = 2.0 * np.pi * np.arange(_ANGLES) / _ANGLES
     ways = np.stack([np.cos(angles), np.sin(angles)], axis=1)
     edge = np.roll(opening, -1, axis=0) - opening
