@@ -43,6 +43,13 @@ def test_each_value_has_a_row_and_a_folder_and_the_last_is_the_sum(tmp_path):
     assert table[-1]["steps_median"] is None
 
 
+def test_values_with_the_same_words_keep_a_row_each(tmp_path):
+    vary = "clearance=0.001,0.001,0.002"
+    each = evaluate_each(config(tmp_path), vary, Console(file=StringIO()))
+    assert [row.tries for row in each.rows] == [1, 1, 1, 3]
+    assert len({row.label for row in each.rows}) == 4
+
+
 def test_a_value_that_is_refused_is_named_and_the_others_are_tried(
     tmp_path, monkeypatch
 ):

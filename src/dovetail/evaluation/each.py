@@ -85,8 +85,13 @@ def evaluate_each(
 
 
 def _labels(described: list[list[str]]) -> list[str]:
-    """Return a label for each task: its first words, if those tell them apart."""
+    """Return a label for each task: its first words, if those tell them apart.
+
+    If all its words do not either, the number of its folder stands before them.
+    """
     short = [words[0] for words in described]
-    if len(set(short)) == len(short):
-        return short
-    return [", ".join(words) for words in described]
+    whole = [", ".join(words) for words in described]
+    numbered = [f"{index:03d} {words}" for index, words in enumerate(whole)]
+    return next(
+        labels for labels in (short, whole, numbered) if len(set(labels)) == len(labels)
+    )
