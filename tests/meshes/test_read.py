@@ -201,6 +201,51 @@ def test_an_archive_that_unpacks_to_too_much_is_refused(tmp_path, monkeypatch):
     assert error.value.value == 5_000_000
 
 
+def rewritten(tmp_path, change):
+    """The 3MF of a box, its model changed."""
+    good, path = save(box(), tmp_path / "good.3mf"), tmp_path / "a.3mf"
+    with zipfile.ZipFile(good) as old, zipfile.ZipFile(path, "w") as new:
+        for name in old.namelist():
+            content = old.read(name)
+            new.writestr(name, change(content) if ".model" in name else content)
+    return path
+
+
+@pytest.mark.parametrize("coding", ["utf-8", "utf-16"])
+def test_a_body_that_is_placed_many_times_is_refused_at_once(tmp_path, coding):
+    def place_often(model):
+        text = model.decode()
+        item = text[text.index("<item") : text.index("</build>")]
+        return text.replace(item, 30_000 * item).replace("utf-8", coding).encode(coding)
+
+    start = time.monotonic()
+    with pytest.raises(ConfigError) as error:
+        read_mesh(rewritten(tmp_path, place_often))
+    assert error.value.value == 30_000
+    assert time.monotonic() - start < 10.0
+
+
+def test_a_document_type_is_refused_in_any_coding(tmp_path):
+    def declare(model):
+        text = model.decode().replace("utf-8", "utf-16")
+        return text.replace("<model", "<!DOCTYPE model>\n<model", 1).encode("utf-16")
+
+    with pytest.raises(ConfigError, match="document type"):
+        read_mesh(rewritten(tmp_path, declare))
+
+
+def test_an_archive_with_damaged_bytes_is_refused(tmp_path):
+    path = tmp_path / "a.3mf"
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("3D/3dmodel.model", bytes(range(256)) * 40)
+    content = bytearray(path.read_bytes())
+    content[50:90] = bytes(40 * [0xFF])
+    path.write_bytes(content)
+    with pytest.raises(ConfigError) as error:
+        read_mesh(path)
+    assert error.value.name == "mesh"
+
+
 def test_a_flat_sheet_encloses_nothing(tmp_path):
     trimesh = need("trimesh")
     corners = [[0, 0, 0], [20, 0, 0], [20, 20, 0], [0, 20, 0]]

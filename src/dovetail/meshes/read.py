@@ -26,6 +26,8 @@ MAX_BYTES = 60_000_000
 """Largest file; also largest content of a 3MF's archive."""
 MAX_TRIANGLES = 500_000
 """Most triangles of a mesh."""
+MAX_PLACED = 20
+"""Most objects that a 3MF places, as items or as components of others."""
 SIZE_RANGE = (0.003, 0.4)
 """Longest side of the box around a part [m]."""
 _NAME_MAX = 40
@@ -152,12 +154,7 @@ def _load(path: Path) -> _Raw:
         _require_small_archive(path, content)
     bodies, units = _bodies(trimesh, path, ending, content)
     if len(bodies) != 1:
-        raise ConfigError(
-            f"{path.name} holds {len(bodies)} bodies; give one file for the plug and "
-            "one for the socket, each with one closed body",
-            name="mesh",
-            value=len(bodies),
-        )
+        raise _several(path, len(bodies))
     (body,) = bodies
     vertices = np.array(body.vertices, dtype=float)
     faces = np.array(body.faces, dtype=np.int64)
@@ -219,18 +216,16 @@ def _known_unit(word: Any) -> str | None:
 
 
 def _require_small_archive(path: Path, content: bytes) -> None:
-    """Refuse a 3MF that unpacks to more than is read, or whose XML has entities."""
+    """Refuse a 3MF that unpacks to more than is read, has entities, or many bodies."""
     try:
         with zipfile.ZipFile(io.BytesIO(content)) as archive:
             size = sum(one.file_size for one in archive.infolist())
-            names = [one for one in archive.namelist() if one.endswith(".model")]
-            is_small = size <= MAX_BYTES
-            has_types = is_small and any(
-                b"<!DOCTYPE" in archive.read(one) for one in names
-            )
-    except (zipfile.BadZipFile, RuntimeError, OSError) as error:
-        raise ConfigError(f"{path.name} is no 3MF: {error}", name="mesh") from error
-    if not is_small:
+            names = archive.namelist() if size <= MAX_BYTES else []
+            models = [archive.read(n) for n in names if ".model" in n.lower()]
+    except Exception as error:  # a reader of strangers' files raises anything
+        said = printable(str(error))[:120]
+        raise ConfigError(f"{path.name} is no 3MF: {said}", name="mesh") from error
+    if size > MAX_BYTES:
         raise ConfigError(
             f"{path.name} unpacks to {size} bytes; allowed: up to {MAX_BYTES}. Export "
             "it from CAD with a coarser tolerance",
@@ -238,11 +233,25 @@ def _require_small_archive(path: Path, content: bytes) -> None:
             value=size,
             allowed=(0, MAX_BYTES),
         )
-    if has_types:
+    models = [one.replace(b"\0", b"") for one in models]  # it may be UTF-16
+    if any(b"<!DOCTYPE" in one for one in models):
         raise ConfigError(
             f"{path.name} declares a document type; a 3MF has none. Export it again",
             name="mesh",
         )
+    # Each item and each component names an object; trimesh takes time with the square.
+    if (count := sum(one.count(b"objectid") for one in models)) > MAX_PLACED:
+        raise _several(path, count)
+
+
+def _several(path: Path, count: int) -> ConfigError:
+    """Return the refusal of a file with another number of bodies than one."""
+    return ConfigError(
+        f"{path.name} holds {count} bodies; give one file for the plug and one for the "
+        "socket, each with one closed body",
+        name="mesh",
+        value=count,
+    )
 
 
 def guess_units(size: float) -> str:
