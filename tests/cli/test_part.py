@@ -1,6 +1,8 @@
 """`dovetail part`: two meshes in, a part that train takes out, or a refusal."""
 
+import errno
 import json
+import os
 from pathlib import Path
 
 import numpy as np
@@ -209,6 +211,27 @@ def test_a_folder_that_holds_something_is_refused(pair):
     Path("out/mine.txt").touch()
     assert check("plug.stl", "socket.stl", "--out", "out") == 2
     assert [path.name for path in Path("out").iterdir()] == ["mine.txt"]
+
+
+@pytest.mark.parametrize("out", [".", "../link"])
+def test_an_empty_folder_that_is_there_is_filled(out, pair, tmp_path, monkeypatch):
+    here = tmp_path / "here"
+    here.mkdir()
+    (tmp_path / "link").symlink_to(here)
+    monkeypatch.chdir(here)
+    assert check("../plug.stl", "../socket.stl", "--out", out) == 0
+    names = ["part.toml", "plug.toml", "report.html", "report.json", "socket.toml"]
+    assert sorted(path.name for path in here.iterdir()) == names
+
+
+def test_a_full_disk_is_said_and_leaves_nothing(pair, monkeypatch, capsys):
+    def fill(*_, **__):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr("shutil.copyfile", fill)
+    assert check("plug.stl", "socket.stl", "--out", "out") == 2
+    assert os.strerror(errno.ENOSPC) in capsys.readouterr().err
+    assert left() == []
 
 
 @pytest.mark.parametrize("where", ["report.to_html", "pair.convert"])

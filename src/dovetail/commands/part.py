@@ -111,19 +111,28 @@ class PartShow:
 
 
 def _next(folder: Path) -> str:
-    part = quote(str(folder / "part.toml"))
-    return f"dovetail train --part {part} --out {quote(f'runs/{folder.name}')}"
+    part, name = folder / "part.toml", folder.absolute().name
+    return f"dovetail train --part {quote(str(part))} --out {quote(f'runs/{name}')}"
 
 
 def _put(draft: Path, folder: Path) -> None:
     """Put a folder's files into their place, all of them or none."""
-    parent = folder.absolute().parent
+    place = folder.resolve()
+    is_there = place.is_dir()
     try:
-        parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(prefix=".part-", dir=parent) as beside:
-            whole = shutil.copytree(draft, Path(beside) / folder.name)
-            whole.chmod(0o755)
-            whole.replace(folder)
+        beside = place if is_there else place.parent
+        beside.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(prefix=".part-", dir=beside) as made:
+            whole = Path(made) / "whole"
+            whole.mkdir()
+            for file in draft.iterdir():
+                shutil.copy(file, whole)
+            if not is_there:
+                whole.replace(place)
+                return
+            # It may be the folder that the user is in: it stays. Part.toml is last.
+            for file in sorted(whole.iterdir(), key=lambda one: one.stem == "part"):
+                file.replace(place / file.name)
     except OSError as error:
         raise LogError(
             f"cannot write {folder}: {error.strerror}; free some space or choose "
