@@ -59,6 +59,8 @@ def test_both_meshes_of_a_pair_have_one_unit(tmp_path):
     small = save(box(4.0), tmp_path / "a.stl")
     one, other = read_meshes(small, large)
     assert one.units == other.units == "mm"
+    assert "the other part's longest side is 40;" in one.notes[0]
+    assert "its longest side is 40;" in other.notes[0]
 
 
 @pytest.mark.parametrize(("size", "units"), [(20.0, "m"), (20.0, "inch"), (0.02, "mm")])

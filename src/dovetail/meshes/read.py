@@ -279,10 +279,12 @@ def _finish(raw: _Raw, units: str | None, size: float | None) -> Mesh:
     where = "given" if units else "file" if raw.units else "guessed"
     unit = units or raw.units
     if unit is None:
-        unit = guess_units(size or own)
+        longest = own if size is None else size
+        unit = guess_units(longest)
+        whose = "its" if longest == own else "the other part's"
         notes.append(
-            f"units guessed: {unit}, as its longest side is {own:g}; if that is wrong, "
-            "give the units"
+            f"units guessed: {unit}, as {whose} longest side is {longest:g}; if that "
+            "is wrong, give the units"
         )
     side = own * UNITS[unit]
     low, high = SIZE_RANGE
