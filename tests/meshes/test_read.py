@@ -63,6 +63,16 @@ def test_both_meshes_of_a_pair_have_one_unit(tmp_path):
     assert "its longest side is 40;" in other.notes[0]
 
 
+@pytest.mark.parametrize("ending", ["obj", "ply"])
+def test_corners_of_no_triangle_say_nothing_of_the_size(tmp_path, ending):
+    body = box()
+    corners = np.vstack([body.vertices, [1000.0, 0.0, 0.0]])
+    stray = need("trimesh").Trimesh(corners, body.faces, process=False)
+    found = read_mesh(save(stray, tmp_path / f"a.{ending}"))
+    assert found.units == "mm"
+    assert np.ptp(found.vertices, axis=0) == pytest.approx([0.02, 0.01, 0.005])
+
+
 @pytest.mark.parametrize(("size", "units"), [(20.0, "m"), (20.0, "inch"), (0.02, "mm")])
 def test_a_size_that_no_part_has_is_refused(tmp_path, size, units):
     with pytest.raises(ConfigError) as error:
@@ -173,6 +183,13 @@ def test_nothing_else_is_opened(tmp_path, monkeypatch):
         ("a.obj", b"f 1 2 999999999\n"),
         ("a.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 -9\n"),
         ("a.ply", b"ply\nformat ascii 1.0\nelement vertex 99999999999\nend_header\n"),
+        (
+            "a.ply",
+            b"ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\n"
+            b"property float y\nproperty float z\nelement face 1\n"
+            b"property list uchar int vertex_indices\nend_header\n"
+            b"0 0 0\n9 0 0\n0 9 0\n3 0 1 7\n",
+        ),
         ("a.3mf", b"PK\x03\x04"),
         ("a.step", b"ISO-10303-21;"),
     ],

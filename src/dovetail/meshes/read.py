@@ -156,7 +156,6 @@ def _load(path: Path) -> _Raw:
     if len(bodies) != 1:
         raise _several(path, len(bodies))
     (body,) = bodies
-    vertices = np.array(body.vertices, dtype=float)
     faces = np.array(body.faces, dtype=np.int64)
     if len(faces) > MAX_TRIANGLES:
         raise ConfigError(
@@ -166,6 +165,15 @@ def _load(path: Path) -> _Raw:
             value=len(faces),
             allowed=(4, MAX_TRIANGLES),
         )
+    if not 0 <= faces.min() <= faces.max() < len(body.vertices):
+        raise ConfigError(
+            f"{path.name} has a triangle with a corner that is not there; export it "
+            "again",
+            name="mesh",
+        )
+    used, faces = np.unique(faces, return_inverse=True)  # no stray corner has a size
+    vertices = np.array(body.vertices, dtype=float)[used]
+    faces = faces.reshape(-1, 3)
     if not np.isfinite(vertices).all():
         raise ConfigError(
             f"{path.name} has a corner that is NaN or infinite; export it again",
@@ -293,7 +301,11 @@ def _finish(raw: _Raw, units: str | None, size: float | None) -> Mesh:
         raise ConfigError(
             f"the longest side of {raw.path.name} is {1e3 * side:.4g} mm in {unit} "
             f"({where}); allowed: {1e3 * low:g} to {1e3 * high:g} mm. "
-            + (f"It would fit in {' or '.join(fits)}: give the units" if fits else ""),
+            + (
+                f"It would fit in {' or '.join(fits)}: give the units"
+                if fits
+                else "It fits in no unit: export the part alone, at its size"
+            ),
             name="units",
             value=side,
             unit="m",
