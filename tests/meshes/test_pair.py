@@ -6,12 +6,14 @@ import numpy as np
 import pytest
 
 from dovetail.errors import ConfigError
-from dovetail.meshes.exactness import PieceSections
+from dovetail.meshes.exactness import PieceSections, exactness_of
 from dovetail.meshes.pair import convert
 from dovetail.meshes.part_folder import part_table, write_part
+from dovetail.meshes.way import Gap
 from dovetail.tasks.insert.task import Insert
 from dovetail.workcell.part_file import read_pair
 from dovetail.workcell.part_text import whole_part
+from dovetail.workcell.parts import Part, Primitive, turned_box
 from extras import need
 from meshes.solids import circle, cone, cut, mesh, prism, square, united
 
@@ -108,6 +110,33 @@ def test_the_pieces_clearance_is_the_meshes(case):
     assert abs(found.exactness.worst) < 2e-5
     assert found.pieces[0] <= 8
     assert found.pieces[1] <= 140
+
+
+def slab(low, high):
+    at, half = np.array([0.0, 0.0, (low + high) / 2.0]), (high - low) / 2.0
+    return Primitive(f"slab{low}", "box", (0.01, 0.01, half), at)
+
+
+@pytest.mark.parametrize("shift", [0.0, 1e-18, -1e-12])
+def test_pieces_have_a_section_where_one_ends_and_the_next_begins(shift):
+    middle = -(0.5**7)  # [m] exact in binary
+    both = PieceSections(Part("two", (slab(2.0 * middle, middle), slab(middle, 0.0))))
+    assert both.at(middle + shift).area == pytest.approx(0.02**2)
+
+
+def test_where_pieces_are_missing_they_are_not_exact():
+    whole = PieceSections(Part("plug", (slab(-0.01, 0.0),)))
+    around = PieceSections(Part("socket", tuple(map(wall, range(4)))))
+    gap = Gap(0.001, 0.001, 0.001, 0.001, np.zeros(3))
+    exact = exactness_of((whole, around), (whole, around), gap)
+    assert not exact.why_not()
+    part = PieceSections(Part("plug", (slab(-0.01, -0.003),)))
+    assert exactness_of((whole, around), (part, around), gap).why_not()
+
+
+def wall(quarter):
+    size, middle = (0.002, 0.015, 0.01), np.array([0.013, 0.0, -0.005])
+    return turned_box(f"wall_{quarter}", size, middle, quarter * np.pi / 2.0)
 
 
 def test_the_files_are_the_pair(case, tmp_path):

@@ -23,8 +23,8 @@ from dovetail.workcell.parts import Part
 _HEIGHTS = 41
 """Heights at which the gap is measured."""
 _SIMPLER = (
-    "Many triangles on rounded edges need many pieces: export the mesh coarser, or "
-    "leave small roundings out"
+    "Many triangles on rounded edges need many pieces: export the mesh coarser, leave "
+    "small roundings out, or blunt what ends in a point"
 )
 
 

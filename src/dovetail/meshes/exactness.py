@@ -21,6 +21,8 @@ _WALL = 1e-4
 """Distance beyond the largest gap up to which a place is a wall that mates [m]."""
 _CONTACT = 6e-6
 """Width of an overlap that is a contact [m]."""
+_LEVEL = 2e-9
+"""Distance from the end of a piece at which a section is taken above it [m]."""
 _HEIGHTS = 50
 _SLOPES = 24
 _HALVINGS = 9
@@ -84,6 +86,8 @@ class PieceSections:
 
     def at(self, z: float) -> Any:
         """Return the section at a height [m], as an area of shapely."""
+        if np.abs(self.jumps - z).min() < _LEVEL:  # two pieces meet, neither is cut
+            z += 2.0 * _LEVEL
         if z not in self._known:
             active = np.flatnonzero((self._low < z) & (self._high > z)).tolist()
             cuts = [_cut(self._pieces[i], z) for i in active]
@@ -187,7 +191,8 @@ def _clearance_errors(
         outside = shapely.distance(points, own)
         smaller = np.where(outside > 0.0, outside, -inside)
         clearance = shapely.distance(points, other) + smaller
-        found.append(clearance - distances[is_wall])
+        errors = clearance - distances[is_wall]
+        found.append(np.nan_to_num(errors, nan=REACH))  # there is no piece at all
     return np.concatenate(found)
 
 
