@@ -226,7 +226,7 @@ def _train_settings(budget: Budget, **changes: Any) -> dict[str, Any]:
     """Return all settings of a training, defaults included, as its file has them."""
     chosen = {"until": 1.0, **changes, **budget.train}
     given = {k: tuple(v) if isinstance(v, list) else v for k, v in chosen.items()}
-    task = task_class(given.get("env", DEFAULT_ENV))
+    task = task_class(chosen.get("env", DEFAULT_ENV))
     settings = TrainConfig(**gather_options(given, task)).to_json()
     left_out = (*NOT_COMPARED, *(("arm", "plant") if "arm" in given else ()))
     return {
