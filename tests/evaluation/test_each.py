@@ -10,7 +10,7 @@ from rich.console import Console
 import dovetail.evaluation.each as each_module
 from dovetail.commands.command_line import parse
 from dovetail.commands.evaluate import Evaluate
-from dovetail.errors import ConfigError
+from dovetail.errors import ConfigError, LimitError, PlantError
 from dovetail.evaluation.config import EvaluationConfig
 from dovetail.evaluation.each import evaluate_each
 from dovetail.evaluation.evaluate import evaluate
@@ -50,12 +50,13 @@ def test_values_with_the_same_words_keep_a_row_each(tmp_path):
     assert len({row.label for row in each.rows}) == 4
 
 
+@pytest.mark.parametrize("error", [ConfigError, LimitError, PlantError])
 def test_a_value_that_is_refused_is_named_and_the_others_are_tried(
-    tmp_path, monkeypatch
+    tmp_path, monkeypatch, error
 ):
     def refuse_wide(given, console):
         if given.task_options["clearance"] == 0.002:
-            raise ConfigError("too wide")
+            raise error("too wide")
         return evaluate(given, console)
 
     monkeypatch.setattr(each_module, "evaluate", refuse_wide)

@@ -8,7 +8,7 @@ from typing import NamedTuple
 from rich.console import Console
 
 from dovetail.envs.registered import make_task, task_class
-from dovetail.errors import ConfigError
+from dovetail.errors import ConfigError, LimitError, PlantError
 from dovetail.evaluation.config import EvaluationConfig
 from dovetail.evaluation.evaluate import Evaluation, evaluate
 from dovetail.evaluation.terminal import render_table
@@ -65,7 +65,7 @@ def evaluate_each(
         each = replace(config, task_options=given, out=folder / f"{index:03d}")
         try:
             done[label] = evaluate(each, console)
-        except ConfigError as error:
+        except (ConfigError, LimitError, PlantError) as error:
             refused[label] = str(error)
             console.print(f"not tried: {error}", soft_wrap=True)
     if not done:
