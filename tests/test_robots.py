@@ -28,13 +28,14 @@ def own(tmp_path, monkeypatch):
 
 
 def test_a_file_in_the_folder_is_a_robot():
-    assert list_robots() == ("fr3", "gen3", "iiwa14")
+    assert list_robots() == ("fr3", "gen3", "iiwa14", "panda")
     assert find_robot().name == "iiwa14-drake"
 
 
 def test_an_unknown_name_lists_the_known():
+    known = ", ".join(list_robots())
     with pytest.raises(
-        ConfigError, match="'kr16' is unknown; known: fr3, gen3, iiwa14; or give"
+        ConfigError, match=f"'kr16' is unknown; known: {known}; or give"
     ):
         find_robot("kr16")
 

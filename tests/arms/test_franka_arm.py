@@ -58,8 +58,9 @@ def test_wrong_addresses_are_refused(text):
         parse_address(text)
 
 
-def test_an_arm_whose_torques_may_jump_is_no_franka(connect):
-    cell = find_cell()
+@pytest.mark.parametrize("robot", ["iiwa14", "panda"])
+def test_an_arm_that_is_no_research_3_is_refused(connect, robot):
+    cell = find_cell(robot=robot)
     with pytest.raises(ConfigError, match="fr3"):
         parse_address("franka://127.0.0.1").build(
             cell, settings_for(cell.loaded_robot())

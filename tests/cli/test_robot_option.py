@@ -16,12 +16,14 @@ from dovetail.identify.replay import LogReplay
 from dovetail.learn.config import TrainConfig
 from dovetail.plants.twin import load_twin, make_twin
 from dovetail.plugins import trust
+from dovetail.robots.find import list_robots
 from dovetail.robots.iiwa14 import iiwa14
 from dovetail.tasks.shipped import DEFAULT_ENV
 from extras import need
 
 OWN = """
 from dataclasses import replace
+from dovetail.robots.find import list_robots
 from dovetail.robots.iiwa14 import iiwa14
 
 def weak():
@@ -37,6 +39,7 @@ def single():
     links = replace(arm.links, inertia_set="nominal", inertia_sets={})
     return replace(arm, links=links)
 """
+KNOWN = ", ".join(list_robots())
 LACK = "the twin's inertia set 'lbr' is of another robot: in its place 'nominal' of own"
 
 
@@ -51,7 +54,7 @@ def here(tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     ("robot", "message"),
     [
-        ("kr16", "'kr16' is unknown; known: fr3, gen3, iiwa14"),
+        ("kr16", f"'kr16' is unknown; known: {KNOWN}"),
         ("cli_own_arm:weak", "A6"),
     ],
 )
@@ -67,7 +70,7 @@ def test_the_demo_tries_on_the_robot_that_is_named(tmp_path, capsys):
     report = json.loads((tmp_path / "demo" / "report.json").read_text())
     assert "cli_own_arm:own" in json.dumps(report["config"])
     assert run(["demo", "--robot", "kr16"]) == 2
-    assert "known: fr3, gen3, iiwa14" in capsys.readouterr().err
+    assert f"known: {KNOWN}" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("command", [["demo"], ["evaluate", "peg_square"]])

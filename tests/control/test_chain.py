@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from dovetail.poses import quat_from_matrix
-from dovetail.robots.find import find_robot
+from dovetail.robots.find import DEFAULT_ROBOT, find_robot, list_robots
 from dovetail.robots.iiwa14 import INERTIA_SETS, iiwa14
 from dovetail.robots.robot import Robot
 from extras import need
@@ -14,7 +14,7 @@ STATES = 200
 TOLERANCE = 1e-9  # SI units; entries are at most about 100
 
 
-@pytest.fixture(params=[*INERTIA_SETS, "fr3", "gen3"])
+@pytest.fixture(params=sorted({*INERTIA_SETS, *list_robots()} - {DEFAULT_ROBOT}))
 def loaded(request, gripper) -> Robot:
     """Every inertia set, and other arms, with the gripper and a turned tool frame."""
     c, s = np.cos(0.4), np.sin(0.4)

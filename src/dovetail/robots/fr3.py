@@ -3,7 +3,7 @@
 import numpy as np
 
 from dovetail.robots.geometry import Geometry
-from dovetail.robots.links import Links
+from dovetail.robots.links import Links, inertia_set
 from dovetail.robots.motors import Motors
 from dovetail.robots.robot import Robot
 from dovetail.robots.robot_limits import RobotLimits
@@ -74,10 +74,6 @@ _POSTURES = {
 
 def fr3() -> Robot:
     """Return the Franka Research 3 without a tool."""
-    masses, coms, moments, products = zip(*_LINKS, strict=True)
-    inertias = np.array([np.diag(row) for row in moments])
-    for matrix, (xy, xz, yz) in zip(inertias, products, strict=True):
-        matrix += np.array([[0, xy, xz], [xy, 0, yz], [xz, yz, 0]])
     return Robot(
         name="fr3",
         geometry=Geometry(
@@ -85,11 +81,7 @@ def fr3() -> Robot:
             origin_rotation=np.array(_ROTATIONS, dtype=float),
             flange_position=np.array(_FLANGE),
         ),
-        links=Links(
-            mass=np.array(masses),
-            com=np.array(coms),
-            inertia=inertias,
-        ),
+        links=Links(**inertia_set(_LINKS)._asdict()),
         limits=RobotLimits(
             q_min=np.array(_Q_MIN),
             q_max=np.array(_Q_MAX),

@@ -3,7 +3,7 @@
 import numpy as np
 
 from dovetail.robots.geometry import Geometry
-from dovetail.robots.links import Links
+from dovetail.robots.links import Links, inertia_set
 from dovetail.robots.motors import Motors
 from dovetail.robots.robot import Robot
 from dovetail.robots.robot_limits import RobotLimits
@@ -70,10 +70,6 @@ _POSTURES = {
 
 def gen3() -> Robot:
     """Return the Kinova Gen3 without a tool."""
-    masses, coms, moments, products = zip(*_LINKS, strict=True)
-    inertias = np.array([np.diag(row) for row in moments])
-    for matrix, (xy, xz, yz) in zip(inertias, products, strict=True):
-        matrix += np.array([[0, xy, xz], [xy, 0, yz], [xz, yz, 0]])
     q_max = np.deg2rad(_Q_MAX_DEG)
     return Robot(
         name="gen3",
@@ -83,11 +79,7 @@ def gen3() -> Robot:
             flange_position=np.array(_FLANGE),
             flange_rotation=np.array(_OVER, dtype=float),
         ),
-        links=Links(
-            mass=np.array(masses),
-            com=np.array(coms),
-            inertia=inertias,
-        ),
+        links=Links(**inertia_set(_LINKS)._asdict()),
         limits=RobotLimits(
             q_min=-q_max,
             q_max=q_max,

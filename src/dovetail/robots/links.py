@@ -4,6 +4,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import ClassVar, NamedTuple
 
+import numpy as np
+
 from dovetail.errors import ConfigError
 from dovetail.robots.arrays import ArrayFacts
 from dovetail.robots.inertia import require_inertia
@@ -22,6 +24,10 @@ class InertiaSet(NamedTuple):
     """Centres of mass in the link frames [m], shape (7, 3)."""
     inertia: Array
     """Inertias about the com, link axes [kg m2], shape (7, 3, 3)."""
+
+
+Row = tuple[float, tuple[float, ...], tuple[float, ...], tuple[float, ...]]
+"""Mass, com, (Ixx, Iyy, Izz) and (Ixy, Ixz, Iyz) of a link, as URDF files list them."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -50,3 +56,12 @@ class Links(ArrayFacts):
                     f"mass of link {joint} is {self.mass[i]} kg: it must be > 0"
                 )
             require_inertia(self.inertia[i], f"link {joint}")
+
+
+def inertia_set(rows: tuple[Row, ...]) -> InertiaSet:
+    """Return the rows of seven links as arrays."""
+    masses, coms, moments, products = zip(*rows, strict=True)
+    inertias = np.array([np.diag(row) for row in moments])
+    for matrix, (xy, xz, yz) in zip(inertias, products, strict=True):
+        matrix += np.array([[0, xy, xz], [xy, 0, yz], [xz, yz, 0]])
+    return InertiaSet(np.array(masses), np.array(coms, dtype=float), inertias)

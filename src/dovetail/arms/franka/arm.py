@@ -194,7 +194,8 @@ class FrankaArm:
             ask_model: Read the arm's own model of gravity into `rest`.
 
         Raises:
-            ConfigError: The robot's torques may change at once: it is no Franka.
+            ConfigError: The robot is no Research 3: its torques may change at once, or
+                its speed limit does not fall towards position limits.
             ArmError: It cannot be had; says why.
             LoadError: It does not carry what the robot's payload says.
             MissingDependencyError: libfranka is not installed.
@@ -205,10 +206,12 @@ class FrankaArm:
                 "an arm at franka:// needs libfranka, which is not installed: "
                 f"{install_command('franka')}"
             )
-        if not np.isfinite(settings.limits.dtau_max).all():
+        limits = settings.limits
+        if not np.isfinite([limits.dtau_max, limits.taper_brake]).all():
             raise ConfigError(
-                f"the robot is {robot.name}, whose torques may change at once, and the "
-                "arm at franka:// ends such a motion: give --robot fr3"
+                f"the robot is {robot.name}, and the arm at franka:// is a Research 3, "
+                "which ends a motion whose torque jumps or that is fast beside a "
+                "position limit: give --robot fr3"
             )
         check_torque(robot, settings.limits)
         self._address = address
