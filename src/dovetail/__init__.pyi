@@ -73,6 +73,7 @@ from .robots.find import find_robot as find_robot
 from .robots.find import list_robots as list_robots
 from .robots.fr3 import fr3 as fr3
 from .robots.gen3 import gen3 as gen3
+from .robots.iiwa7 import iiwa7 as iiwa7
 from .robots.iiwa14 import iiwa14 as iiwa14
 from .robots.motors import Motors as Motors
 from .robots.panda import panda as panda

@@ -4,14 +4,14 @@ import numpy as np
 
 from dovetail.robots.drawn import Drawn, bullet_file
 from dovetail.robots.geometry import Geometry
+from dovetail.robots.lbr_frames import ROTATIONS, in_our_frames
 from dovetail.robots.links import InertiaSet, Links
 from dovetail.robots.robot import Robot
 from dovetail.robots.robot_limits import RobotLimits
 from dovetail.types import Array
 
-# Joint origins and fixed rotations at q = 0, all axes local z: the convention of the
-# pybullet_data and Drake models, which agree with each other and with the data sheet's
-# 0.360 / 0.420 / 0.400 / 0.126 m along the arm.
+# Joint origins of the pybullet_data and Drake models, which agree with each other and
+# with the data sheet's 0.360 / 0.420 / 0.400 / 0.126 m along the arm.
 _ORIGINS = (
     (0.0, 0.0, 0.1575),
     (0.0, 0.0, 0.2025),
@@ -22,10 +22,6 @@ _ORIGINS = (
     (0.0, 0.081, 0.0),
 )
 _FLANGE = (0.0, 0.0, 0.045)
-_STRAIGHT = ((1, 0, 0), (0, 1, 0), (0, 0, 1))
-_UP = ((-1, 0, 0), (0, 0, 1), (0, 1, 0))  # x -> -x, y -> z, z -> y
-_DOWN = ((1, 0, 0), (0, 0, -1), (0, 1, 0))  # x -> x, y -> z, z -> -y
-_ROTATIONS = (_STRAIGHT, _UP, _UP, _DOWN, _UP, _DOWN, _UP)
 
 # KUKA data sheet, LBR iiwa 14 R820. The limits inside the public URDF files (300 Nm and
 # 10 rad/s, or 200 Nm everywhere) are not the robot's.
@@ -64,23 +60,30 @@ _PYBULLET_INERTIA = (
     (0.001, 0.001, 0.001),
 )
 
-# lbr_description (lbr_fri_ros2_stack): its own frames, all parallel to the base at
-# q = 0: joint origin in the parent, mass, com, (Ixx, Iyy, Izz), (Ixy, Ixz, Iyz).
+# lbr_description (lbr_fri_ros2_stack), in its own frames (`lbr_frames`): joint origin
+# in the parent, and mass, com, (Ixx, Iyy, Izz), (Ixy, Ixz, Iyz).
 _LBR = (
-    ((0, 0, 0.1475), 5.289529, (0, -0.033795, 0.132404),
-     (0.042462, 0.042838, 0.01587), (0, 0, 0.006341)),
-    ((0, -0.01, 0.2125), 5.688888, (0.000136, 0.047548, 0.076322),
-     (0.055182, 0.053983, 0.016523), (-0.000033, 0.000056, 0.010034)),
-    ((0, 0.01, 0.228), 3.461245, (0, 0.034913, 0.123108),
-     (0.02172, 0.02073, 0.007701), (0, 0, -0.003845)),
-    ((0, 0.0105, 0.192), 4.122995, (0, -0.039793, 0.086944),
-     (0.03241, 0.030758, 0.009883), (0, 0, -0.006022)),
-    ((0, -0.0105, 0.2075), 1.563756, (0, -0.029824, 0.076267),
-     (0.008677, 0.007297, 0.003935), (0, 0, 0.002869)),
-    ((0, -0.0707, 0.1925), 2.457878, (0, 0.07102, 0.00495),
-     (0.007227, 0.006958, 0.004734), (0, 0, 0.000318)),
-    ((0, 0.0707, 0.091), 0.265331, (0, 0, 0.013782),
-     (0.000175, 0.000175, 0.000306), (0, 0, 0)),
+    ((0, 0, 0.1475),
+     (5.289529, (0, -0.033795, 0.132404),
+      (0.042462, 0.042838, 0.01587), (0, 0, 0.006341))),
+    ((0, -0.01, 0.2125),
+     (5.688888, (0.000136, 0.047548, 0.076322),
+      (0.055182, 0.053983, 0.016523), (-0.000033, 0.000056, 0.010034))),
+    ((0, 0.01, 0.228),
+     (3.461245, (0, 0.034913, 0.123108),
+      (0.02172, 0.02073, 0.007701), (0, 0, -0.003845))),
+    ((0, 0.0105, 0.192),
+     (4.122995, (0, -0.039793, 0.086944),
+      (0.03241, 0.030758, 0.009883), (0, 0, -0.006022))),
+    ((0, -0.0105, 0.2075),
+     (1.563756, (0, -0.029824, 0.076267),
+      (0.008677, 0.007297, 0.003935), (0, 0, 0.002869))),
+    ((0, -0.0707, 0.1925),
+     (2.457878, (0, 0.07102, 0.00495),
+      (0.007227, 0.006958, 0.004734), (0, 0, 0.000318))),
+    ((0, 0.0707, 0.091),
+     (0.265331, (0, 0, 0.013782),
+      (0.000175, 0.000175, 0.000306), (0, 0, 0))),
 )  # fmt: skip
 
 INERTIA_SETS = ("drake", "pybullet", "lbr")
@@ -104,20 +107,20 @@ def iiwa14(inertia: str = "drake") -> Robot:
     Raises:
         ConfigError: Unknown inertia set.
     """
-    drake, pybullet, lbr = (
-        InertiaSet(np.array(mass, dtype=float), np.array(com, dtype=float), inertias)
-        for mass, com, inertias in (
-            (_DRAKE_MASS, _COM, _diagonal(_DRAKE_INERTIA)),
-            (_PYBULLET_MASS, _COM, _diagonal(_PYBULLET_INERTIA)),
-            _lbr_in_our_frames(),
+    drake, pybullet = (
+        InertiaSet(np.array(mass, dtype=float), np.array(_COM, dtype=float), inertias)
+        for mass, inertias in (
+            (_DRAKE_MASS, _diagonal(_DRAKE_INERTIA)),
+            (_PYBULLET_MASS, _diagonal(_PYBULLET_INERTIA)),
         )
     )
+    lbr = in_our_frames(_LBR, np.array(_ORIGINS))
     q_max = np.deg2rad(_Q_MAX_DEG)
     return Robot(
         name="iiwa14-drake",
         geometry=Geometry(
             origin_position=np.array(_ORIGINS),
-            origin_rotation=np.array(_ROTATIONS, dtype=float),
+            origin_rotation=ROTATIONS,
             flange_position=np.array(_FLANGE),
         ),
         links=Links(
@@ -146,22 +149,3 @@ def _drawn() -> tuple[tuple[Drawn, ...], ...]:
 
 def _diagonal(moments: tuple[tuple[float, ...], ...]) -> Array:
     return np.array([np.diag(row) for row in moments])
-
-
-def _lbr_in_our_frames() -> tuple[Array, Array, Array]:
-    """Express lbr_description's links in our link frames.
-
-    Both chains have the same joint lines and turning senses, so at q = 0 a link's
-    com and inertia carry over by the fixed transform between the two frames.
-    """
-    position, rotation, lbr_position = np.zeros(3), np.eye(3), np.zeros(3)
-    coms, inertias = np.zeros((7, 3)), np.zeros((7, 3, 3))
-    for i, (origin, _, com, moments, products) in enumerate(_LBR):
-        position = position + rotation @ np.array(_ORIGINS[i])
-        rotation = rotation @ np.array(_ROTATIONS[i], dtype=float)
-        lbr_position = lbr_position + np.array(origin)
-        xy, xz, yz = products
-        matrix = np.diag(moments) + np.array([[0, xy, xz], [xy, 0, yz], [xz, yz, 0]])
-        coms[i] = rotation.T @ (lbr_position + np.array(com) - position)
-        inertias[i] = rotation.T @ matrix @ rotation
-    return np.array([row[1] for row in _LBR]), coms, inertias
