@@ -75,6 +75,7 @@ from .robots.fr3 import fr3 as fr3
 from .robots.gen3 import gen3 as gen3
 from .robots.iiwa7 import iiwa7 as iiwa7
 from .robots.iiwa14 import iiwa14 as iiwa14
+from .robots.med14 import med14 as med14
 from .robots.motors import Motors as Motors
 from .robots.panda import panda as panda
 from .robots.robot import Robot as Robot

@@ -9,8 +9,13 @@ import pytest
 from dovetail.robots.find import find_robot
 from dovetail.robots.iiwa14 import iiwa14
 
-TOP = {"iiwa14": 1.306, "iiwa7": 1.266}  # m, the flange of the stretched arm
-WEIGHT = {"iiwa7": (4.855658, 23.9)}  # kg: lbr_description's base, the whole arm
+TOP = {
+    "iiwa14": 1.306,
+    "iiwa7": 1.266,
+    "med14": 1.306,
+}  # m, the flange of the stretched arm
+# kg: lbr_description's base, and the whole arm by KUKA
+WEIGHT = {"iiwa7": (4.855658, 23.9), "med14": (8.146413, 32.3)}
 AXES = ("0 0 1", "0 1 0", "0 0 1", "0 -1 0", "0 0 1", "0 1 0", "0 0 1")
 
 
@@ -63,3 +68,13 @@ def test_it_moves_as_in_lbr_description(name, arm, rng):
         np.testing.assert_allclose(chain.gravity(q), data.qfrc_bias, atol=1e-6)  # Nm
         mujoco.mj_fullM(model, data, inertia)
         np.testing.assert_allclose(chain.inertia_matrix(q), inertia, atol=1e-6)
+
+
+def test_a_med_14_is_an_iiwa_14_in_shape_and_limits(rng):
+    med, iiwa = find_robot("med14"), iiwa14()
+    for name in med.limits.shapes:
+        np.testing.assert_array_equal(vars(med.limits)[name], vars(iiwa.limits)[name])
+    for q in rng.uniform(med.limits.q_min, med.limits.q_max, (20, 7)):
+        mine, other = med.tool_pose(q), iiwa.tool_pose(q)
+        np.testing.assert_allclose(mine.position, other.position, atol=1e-9)
+        np.testing.assert_allclose(mine.quat_wxyz, other.quat_wxyz, atol=1e-9)
