@@ -28,7 +28,15 @@ def own(tmp_path, monkeypatch):
 
 
 def test_a_file_in_the_folder_is_a_robot():
-    assert list_robots() == ("fr3", "gen3", "iiwa14", "iiwa7", "med14", "panda")
+    assert list_robots() == (
+        "fr3",
+        "gen3",
+        "iiwa14",
+        "iiwa7",
+        "med14",
+        "panda",
+        "sawyer",
+    )
     assert find_robot().name == "iiwa14-drake"
 
 

@@ -79,6 +79,7 @@ from .robots.med14 import med14 as med14
 from .robots.motors import Motors as Motors
 from .robots.panda import panda as panda
 from .robots.robot import Robot as Robot
+from .robots.sawyer import sawyer as sawyer
 from .search.corner import SEARCH_AXES as SEARCH_AXES
 from .search.corner import CornerSearch as CornerSearch
 from .tasks.fixture_pose import FixturePose as FixturePose
