@@ -162,6 +162,32 @@ def test_a_flat_body_is_not_refused_for_rounding(read, rng):
         np.testing.assert_allclose(moments, [0.008, 0.012, 0.02], rtol=1e-5)
 
 
+def test_a_frame_may_have_the_inertia_of_a_placeholder(read):
+    ones = " ".join(
+        f'{name}="1e-8"' for name in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+    )
+    hand = (
+        f'<link name="hand"><inertial><mass value="1e-8"/><inertia {ones}/></inertial>'
+        '</link><joint name="mount" type="fixed"><parent link="part7"/>'
+        '<child link="hand"/></joint>'
+    )
+    with_hand, plain = read(urdf(extra=hand)), read(urdf())
+    np.testing.assert_allclose(with_hand.links.inertia, plain.links.inertia, atol=2e-8)
+    heavy = hand.replace("1e-8", "1e-3")
+    with pytest.raises(ConfigError, match="link hand"):
+        read(urdf(extra=heavy))
+
+
+def test_a_turned_rod_is_not_refused_for_rounding(read, rng):
+    for _ in range(20):
+        turn, _ = np.linalg.qr(rng.normal(size=(3, 3)))
+        I = turn @ np.diag([0.0, 0.02, 0.02]) @ turn.T
+        words = " ".join(f"{v:.17g}" for v in (*np.diag(I), I[0, 1], I[0, 2], I[1, 2]))
+        text = mjcf().replace('diaginertia=".02 .02 .02"', f'fullinertia="{words}"')
+        moments = np.linalg.eigvalsh(read(text).links.inertia[0])
+        np.testing.assert_allclose(moments, [0.0, 0.02, 0.02], atol=1e-7)
+
+
 GRIPPER = "".join(
     f'<link name="finger{i}"><inertial><mass value="0.05"/><inertia ixx="1e-5" '
     'iyy="1e-5" izz="1e-5"/></inertial></link>'

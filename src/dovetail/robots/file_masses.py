@@ -13,6 +13,9 @@ if TYPE_CHECKING:
 
 _VERTICES = 20_000
 """Most corners of meshes that give a mass: MuJoCo wraps them in a hull."""
+_ROUNDING = 1e-9
+"""Share of the largest moment by which a moment may be wrong."""
+_NEGLIGIBLE = 1e-6  # kg m2, of a body that is fixed to a link
 
 
 def require_masses(spec: "mujoco.MjSpec", file: RobotFile) -> None:
@@ -81,12 +84,18 @@ def _require_body(body: Any, spec: "mujoco.MjSpec", file: RobotFile) -> None:
     a, b, c = moments.tolist()
     lack = c - a - b
     where = f"{file.path}: {file.where('body', body.name)}"
-    if a < 0.0:
+    if a < -_ROUNDING * c:
         raise ConfigError(
             f"{where} has the principal moments {a:.4g}, {b:.4g} and {c:.4g} kg m2; "
             "none may be negative: correct its inertia"
         )
     if spec.compiler.balanceinertia:
+        return
+    if not list(body.joints) and 0.0 < c <= _NEGLIGIBLE:  # the placeholder of a frame
+        body.inertia, body.fullinertia = (
+            np.full(3, (a + b + c) / 3.0),
+            np.full(6, np.nan),
+        )
         return
     if lack > 1e-6 * c:
         raise ConfigError(
@@ -95,11 +104,11 @@ def _require_body(body: Any, spec: "mujoco.MjSpec", file: RobotFile) -> None:
             'inertia, or put <compiler balanceinertia="true"/> into the file (in a '
             "URDF inside of <mujoco>): it takes the mean of the three"
         )
-    if lack > -1e-9 * c:  # MuJoCo's own check counts rounding as a fault
+    if lack > -_ROUNDING * c:  # MuJoCo's own check counts rounding as a fault
         if is_diagonal:
-            body.inertia += max(lack, 0.0) + 1e-9 * c
+            body.inertia += max(lack, 0.0) + _ROUNDING * c
         else:
-            body.fullinertia[:3] += max(lack, 0.0) + 1e-9 * c
+            body.fullinertia[:3] += max(lack, 0.0) + _ROUNDING * c
 
 
 def _require_mass(joint: Any, file: RobotFile) -> None:
