@@ -292,3 +292,15 @@ def test_the_menagerie_is_an_extra(monkeypatch):
     monkeypatch.setattr(menagerie_module, "install_command", lambda extra: extra)
     with pytest.raises(MissingDependencyError, match="menagerie"):
         find_robot("menagerie:some_arm")
+
+
+def test_a_hinge_that_is_called_a_grippers_is_none_of_the_arms(named):
+    jaw = FINGER.format(0, "revolute").replace("grip0", "jointGripper")
+    robot = find_robot(named(urdf(extra=HAND + jaw)))
+    assert any("axis1 to axis7; jointGripper stays at zero" in n for n in robot.notes)
+    two = jaw + FINGER.format(1, "revolute")  # one by name, one that branches off
+    assert find_robot(named(urdf(extra=HAND + two))).links.mass[6] == 0.5
+    of_six = urdf().replace('name="axis7"', 'name="jointGripper"')
+    with pytest.raises(ConfigError, match="at most 6 of them in a row") as no:
+        find_robot(named(of_six))
+    assert "by name: jointGripper" in str(no.value)

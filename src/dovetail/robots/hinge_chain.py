@@ -12,6 +12,8 @@ if TYPE_CHECKING:
     import mujoco
 
 NUM_JOINTS = 7
+_GRIP = ("gripper", "finger", "jaw", "knuckle")
+"""Words in the name of a hinge that opens a hand, and is none of the arm's."""
 
 
 def choose_hinges(
@@ -20,9 +22,9 @@ def choose_hinges(
     """Return the names of the seven hinges, from base to flange.
 
     Without names it is the one row of seven hinges that begins at the base. Slides,
-    joints that mimic another, and what branches off after the seventh (fingers) or
-    beside them (a head) are others; an eighth hinge in the row is not, as nothing says
-    which of them are the arm's.
+    joints that mimic another, hinges that are called a gripper's, and what branches off
+    after the seventh (fingers) or beside them (a head) are others. Another eighth hinge
+    in the row is not, as nothing says which of them are the arm's.
 
     Args:
         spec: The file, each joint with a name.
@@ -50,12 +52,14 @@ def choose_hinges(
     longest = max(map(len, rows), default=0)
     hinges = sum(kind == "hinge" for kind in kinds.values())
     most = "" if longest in (hinges, 0) else f", at most {longest} of them in a row"
-    remedy = (
-        "name the seven from base to flange with joints=[...] of from_urdf or "
-        "from_mjcf; the others stay at their zero"
-        if longest > NUM_JOINTS
-        else "these have " + str(hinges)
-    )
+    grips = [name for name, kind in kinds.items() if kind == "hinge" and _grips(name)]
+    remedy = "these have " + str(hinges)
+    if longest > NUM_JOINTS or grips:
+        taken = f"not counted as a hand's, by name: {listed(grips)}; " if grips else ""
+        remedy = (
+            f"{taken}name the seven from base to flange with joints=[...] of from_urdf "
+            "or from_mjcf; the others stay at their zero"
+        )
     raise ConfigError(
         f"{file.path} has {len(kinds)} joints ({every}){most}; an arm has {NUM_JOINTS} "
         f"hinges in a row: {remedy}"
@@ -110,21 +114,26 @@ def _require_given(
     return names
 
 
+def _grips(name: str) -> bool:
+    return any(word in name.lower() for word in _GRIP)
+
+
 def _rows(
     spec: "mujoco.MjSpec", file: RobotFile, kinds: dict[str, str]
 ) -> list[tuple[str, ...]]:
     """Return the hinges in a row from the base: each until it branches or ends.
 
     A row of seven that branches is whole: fingers branch off. A shorter one goes on in
-    each of its branches.
+    each of its branches, but for those of a hand.
     """
     rows: list[tuple[str, ...]] = []
-    below = _hinges_below(spec.worldbody, file, kinds)
-    open_rows = [((name,), body) for name, body in below]
+    first = _hinges_below(spec.worldbody, file, kinds)
+    open_rows = [((name,), body) for name, body in first]
     while open_rows:
         row, body = open_rows.pop()
-        further = _hinges_below(body, file, kinds)
-        if not further or (len(row) == NUM_JOINTS and len(further) > 1):
+        below = _hinges_below(body, file, kinds)
+        further = [(name, at) for name, at in below if not _grips(name)]
+        if not further or (len(row) == NUM_JOINTS and len(below) > 1):
             rows.append(row)
             continue
         open_rows += [((*row, name), at) for name, at in further]
