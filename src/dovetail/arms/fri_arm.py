@@ -322,7 +322,7 @@ class FriArm:
             servo or servo_params(settings.period),
             watchdog or WatchdogConfig(target_timeout=address.target_timeout),
         )
-        self._stop_lock = threading.Lock()
+        self._stop_lock = threading.RLock()  # a signal may stop it within
         self._stops = 0
         self._seed: int | None = None
         self._motion = 0

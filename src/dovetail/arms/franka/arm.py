@@ -235,7 +235,7 @@ class FrankaArm:
         self._left: Vec7 | None = None
         self._begin = 0.0
         self._problem = ""
-        self._stop_lock = threading.Lock()
+        self._stop_lock = threading.RLock()  # a signal may stop it within
         self._stops, self._is_stopped = 0, False
         self._start()
 
