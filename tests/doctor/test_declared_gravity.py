@@ -67,13 +67,22 @@ def test_a_narrower_declaration_allows_less():
 
 
 @pytest.mark.parametrize(
-    ("there", "status"), [(0.0, "broken"), (0.4, "broken"), (1.3, "ok"), (2.0, "ok")]
+    ("declared", "there", "status"),
+    [
+        (2.0, 0.4, "broken"),
+        (2.0, 1.3, "ok"),
+        (2.0, 2.0, "ok"),
+        (2.0, 0.0, "ok"),  # light links may look so, too: said, and no more
+        (5.0, 0.0, "broken"),  # no links within what is declared are as light
+    ],
 )
-def test_a_declared_tool_that_is_not_there_is_found(there, status, rng):
+def test_a_declared_tool_that_is_not_there_is_found(declared, there, status, rng):
     com = np.array([0.0, 0.0, 0.08])
-    tool = Payload(mass=2.0, com=com, inertia=0.01 * np.eye(3))
+    tool = Payload(mass=declared, com=com, inertia=0.01 * np.eye(3))
     robot = replace(find_cell().robot, payload=tool)
     q = robot.posture("down")
     error = (there - tool.mass) * load_torques(robot, q) @ np.array([1.0, *com])
     error += rng.normal(0.0, 0.1, 7)
-    assert check_missed(robot, q, error, np.full(7, 0.05), DECLARED).status == status
+    found = check_missed(robot, q, error, np.full(7, 0.05), DECLARED)
+    assert found.status == status
+    assert ("bare flange" in found.detail) == (there == 0.0)

@@ -143,7 +143,10 @@ def check_missed(
     worst, allowed, is_outside = worst_miss(robot, q, error, declared)
     is_load = is_plausible(robot, load)
     problems = unproven(payload_error=abs(load.mass), declared=declared)
-    if problems and is_load and (is_outside or load.explained > CERTAIN):
+    # A bare flange is what light links or gravity's direction may look like, too.
+    is_there = load.total(*declared_load(robot))[0] >= LIGHTEST
+    is_certain = is_there and load.explained > CERTAIN
+    if problems and is_load and (is_outside or is_certain):
         return Check(name, "broken", f"{detail}: {problems[0]}")
     if is_outside:
         return Check(
@@ -168,11 +171,15 @@ def _load_text(robot: Robot, load: MissedLoad) -> str:
         declared_load(robot),
         load.total(*declared_load(robot)),
     )
-    said = f"a load of {whole:.2f} kg at {signed(1e3 * where, 0)} mm from the flange"
     if whole < LIGHTEST:
-        said = "a bare flange, without the tool,"
+        return (
+            f"a bare flange, without the declared {mass:.2f} kg, would explain "
+            f"{100 * load.explained:.0f} % of it; so may the masses of the arm's own "
+            "links, or gravity's direction. A tare takes it off before each try"
+        )
     return (
-        f"{said} would explain {100 * load.explained:.0f} % of it, in place of "
-        f"{mass:.2f} kg at {signed(1e3 * com, 0)} mm (one pose does not tell where it "
-        "is along gravity)"
+        f"a load of {whole:.2f} kg at {signed(1e3 * where, 0)} mm from the flange "
+        f"would explain {100 * load.explained:.0f} % of it, in place of {mass:.2f} kg "
+        f"at {signed(1e3 * com, 0)} mm (one pose does not tell where it is along "
+        "gravity)"
     )
