@@ -29,7 +29,6 @@ from dovetail.control.config import LimitConfig, OscConfig
 from dovetail.control.limits import BOUNDS, SCHEMES
 from dovetail.envs.registered import find_cell
 from dovetail.poses import quat_about_z, quat_multiply
-from dovetail.robots.find import find_robot
 from dovetail.robots.robot import Robot
 
 TASK = "XYZ:force A:pose BC:hold"
@@ -148,7 +147,8 @@ class Adversary:
         self.settings = settings
         self.seed = seed
         name = settings.robot
-        self.robot = find_robot(name) if name else find_cell().loaded_robot()
+        cell = find_cell(robot=name) if name else find_cell()
+        self.robot = cell.robot if name else cell.loaded_robot()
         self.chain = self.robot.chain()
         self.limits = limits_of(self.robot, settings)
         self.controller = make_controller(

@@ -20,7 +20,7 @@ class PolicyEnvConfig(EnvOptions):
     """The task and its environment, as a policy has to know them."""
 
     env: str = DEFAULT_ENV
-    """Task: a Gymnasium id, or MODULE:ID of your own."""
+    """Task: a Gymnasium id, or MODULE:ID of your own; --part FILE has its own task."""
     task_options: dict[str, Any] = field(default_factory=dict)
     """Fields of the task; left out, they are its own."""
     task: str | None = None
