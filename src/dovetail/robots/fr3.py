@@ -9,20 +9,25 @@ from dovetail.robots.robot import Robot
 from dovetail.robots.robot_limits import RobotLimits
 
 # Modified DH parameters of the maker's documentation; joint axes are local z.
-_ORIGINS = (
-    (0.0, 0.0, 0.333),
-    (0.0, 0.0, 0.0),
-    (0.0, -0.316, 0.0),
-    (0.0825, 0.0, 0.0),
-    (-0.0825, 0.384, 0.0),
-    (0.0, 0.0, 0.0),
-    (0.088, 0.0, 0.0),
-)
-_FLANGE = (0.0, 0.0, 0.107)
 _STRAIGHT = ((1, 0, 0), (0, 1, 0), (0, 0, 1))
 _BACK = ((1, 0, 0), (0, 0, 1), (0, -1, 0))  # by -90 deg about x
 _FORTH = ((1, 0, 0), (0, 0, -1), (0, 1, 0))  # by +90 deg about x
 _ROTATIONS = (_STRAIGHT, _BACK, _FORTH, _FORTH, _BACK, _FORTH, _FORTH)
+GEOMETRY = Geometry(
+    origin_position=np.array(
+        (
+            (0.0, 0.0, 0.333),
+            (0.0, 0.0, 0.0),
+            (0.0, -0.316, 0.0),
+            (0.0825, 0.0, 0.0),
+            (-0.0825, 0.384, 0.0),
+            (0.0, 0.0, 0.0),
+            (0.088, 0.0, 0.0),
+        )
+    ),
+    origin_rotation=np.array(_ROTATIONS, dtype=float),
+    flange_position=np.array((0.0, 0.0, 0.107)),
+)
 
 # libfranka 0.21, rate_limiting.h, and franka_description, joint_limits.yaml: position,
 # speed, torque; deceleration and offset of the speed limit that depends on position.
@@ -31,10 +36,10 @@ _Q_MAX = (2.7501, 1.7918, 2.9065, -0.1458, 2.8101, 4.5205, 3.0196)
 _DQ_MAX = (2.62, 2.62, 2.62, 2.62, 5.26, 4.18, 5.26)
 # At full speed A2, stretched out with a hand, has too little torque left to brake with.
 _SPEED_SHARE = 0.5
-_TAU_MAX = (87, 87, 87, 87, 12, 12, 12)
+TAU_MAX = (87, 87, 87, 87, 12, 12, 12)
 _TAPER_BRAKE = (6.0, 2.585, 3.5, 4.0, 17.0, 5.5, 17.0)
 _TAPER_OFFSET = (0.30, 0.20, 0.20, 0.30, 0.35, 0.35, 0.35)
-_DTAU_MAX = 1000.0
+DTAU_MAX = 1000.0
 
 # franka_description, robots/fr3/inertials.yaml: mass, com, (Ixx, Iyy, Izz) and
 # (Ixy, Ixz, Iyz) about the com.
@@ -65,7 +70,7 @@ _LINKS = (
 # A MuJoCo model of the arm that was fitted to motions: mujoco_menagerie, franka_fr3.
 _DAMPING = (0.21,) * 7
 _ARMATURE = (0.195,) * 4 + (0.074,) * 3
-_POSTURES = {
+POSTURES = {
     "down": np.array([0.0, -0.3, 0.0, -2.2, 0.0, 1.9, 0.785]),
     "forward": np.array([0.0, -0.3, 0.0, -2.2, 0.0, 3.47, 0.785]),
 }
@@ -76,22 +81,18 @@ def fr3() -> Robot:
     """Return the Franka Research 3 without a tool."""
     return Robot(
         name="fr3",
-        geometry=Geometry(
-            origin_position=np.array(_ORIGINS),
-            origin_rotation=np.array(_ROTATIONS, dtype=float),
-            flange_position=np.array(_FLANGE),
-        ),
+        geometry=GEOMETRY,
         links=Links(**inertia_set(_LINKS)._asdict()),
         limits=RobotLimits(
             q_min=np.array(_Q_MIN),
             q_max=np.array(_Q_MAX),
             dq_max=_SPEED_SHARE * np.array(_DQ_MAX),
-            tau_max=np.array(_TAU_MAX, dtype=float),
+            tau_max=np.array(TAU_MAX, dtype=float),
             taper_brake=np.array(_TAPER_BRAKE),
             taper_offset=np.array(_TAPER_OFFSET),
-            dtau_max=np.full(7, _DTAU_MAX),
+            dtau_max=np.full(7, DTAU_MAX),
         ),
         motors=Motors(damping=np.array(_DAMPING), armature=np.array(_ARMATURE)),
-        postures=_POSTURES,
+        postures=POSTURES,
         gripper="franka_hand",
     )

@@ -1,13 +1,13 @@
 """The KUKA LBR iiwa 14 R820: geometry, limits and three published inertia sets."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from dovetail.robots.drawn import Drawn, bullet_file
-from dovetail.robots.geometry import Geometry
-from dovetail.robots.lbr_frames import ROTATIONS, in_our_frames
+from dovetail.robots.lbr import POSTURES, in_our_frames, lbr_arm
 from dovetail.robots.links import InertiaSet, Links
 from dovetail.robots.robot import Robot
-from dovetail.robots.robot_limits import RobotLimits
 from dovetail.types import Array
 
 # Joint origins of the pybullet_data and Drake models, which agree with each other and
@@ -25,9 +25,8 @@ _FLANGE = (0.0, 0.0, 0.045)
 
 # KUKA data sheet, LBR iiwa 14 R820. The limits inside the public URDF files (300 Nm and
 # 10 rad/s, or 200 Nm everywhere) are not the robot's.
-_Q_MAX_DEG = (170, 120, 170, 120, 170, 120, 175)
-_DQ_MAX_DEG = (85, 85, 100, 75, 130, 135, 135)
-_TAU_MAX = (320, 320, 176, 176, 110, 40, 40)
+DQ_MAX_DEG = (85, 85, 100, 75, 130, 135, 135)
+TAU_MAX = (320, 320, 176, 176, 110, 40, 40)
 
 # Centres of mass: pybullet_data kuka_iiwa/model.urdf = Drake iiwa14, same link frames.
 _COM = (
@@ -60,7 +59,7 @@ _PYBULLET_INERTIA = (
     (0.001, 0.001, 0.001),
 )
 
-# lbr_description (lbr_fri_ros2_stack), in its own frames (`lbr_frames`): joint origin
+# lbr_description (lbr_fri_ros2_stack), in its own frames (`lbr`): joint origin
 # in the parent, and mass, com, (Ixx, Iyy, Izz), (Ixy, Ixz, Iyz).
 _LBR = (
     ((0, 0, 0.1475),
@@ -88,13 +87,8 @@ _LBR = (
 
 INERTIA_SETS = ("drake", "pybullet", "lbr")
 """Published inertia sets. The controller uses drake; they differ by up to 35 %."""
-_POSTURES = {
-    "down": np.array([0.0, 0.6, 0.0, -1.6, 0.0, 0.95, 0.0]),
-    "rest": np.array([0.0, 0.6, 0.0, -1.5, 0.0, 1.04, 0.0]),
-    "forward": np.array([0.0, 0.6, 0.0, -1.6, 0.0, -0.63, 0.0]),
-}
-"""Elbow up; the tool down over a table (rest: 0.1 m over a fixture), or
-level [rad]."""
+_REST = np.array([0.0, 0.6, 0.0, -1.5, 0.0, 1.04, 0.0])
+"""Posture with the tool 0.1 m over a fixture [rad]."""
 
 
 def iiwa14(inertia: str = "drake") -> Robot:
@@ -115,28 +109,14 @@ def iiwa14(inertia: str = "drake") -> Robot:
         )
     )
     lbr = in_our_frames(_LBR, np.array(_ORIGINS))
-    q_max = np.deg2rad(_Q_MAX_DEG)
-    return Robot(
-        name="iiwa14-drake",
-        geometry=Geometry(
-            origin_position=np.array(_ORIGINS),
-            origin_rotation=ROTATIONS,
-            flange_position=np.array(_FLANGE),
-        ),
-        links=Links(
-            **drake._asdict(),
-            inertia_set="drake",
-            inertia_sets={"drake": drake, "pybullet": pybullet, "lbr": lbr},
-        ),
-        limits=RobotLimits(
-            q_min=-q_max,
-            q_max=q_max,
-            dq_max=np.deg2rad(_DQ_MAX_DEG),
-            tau_max=np.array(_TAU_MAX, dtype=float),
-        ),
-        postures=_POSTURES,
-        drawn=_drawn(),
-    ).with_inertia(inertia)
+    links = Links(
+        **drake._asdict(),
+        inertia_set="drake",
+        inertia_sets={"drake": drake, "pybullet": pybullet, "lbr": lbr},
+    )
+    arm = lbr_arm("iiwa14-drake", _ORIGINS, _FLANGE, links, DQ_MAX_DEG, TAU_MAX)
+    postures = {"down": POSTURES["down"], "rest": _REST, "forward": POSTURES["forward"]}
+    return replace(arm, postures=postures, drawn=_drawn()).with_inertia(inertia)
 
 
 def _drawn() -> tuple[tuple[Drawn, ...], ...]:

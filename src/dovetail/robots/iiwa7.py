@@ -2,11 +2,9 @@
 
 import numpy as np
 
-from dovetail.robots.geometry import Geometry
-from dovetail.robots.lbr_frames import ROTATIONS, in_our_frames
+from dovetail.robots.lbr import in_our_frames, lbr_arm
 from dovetail.robots.links import Links
 from dovetail.robots.robot import Robot
-from dovetail.robots.robot_limits import RobotLimits
 
 # The data sheet's 0.340 / 0.400 / 0.400 / 0.126 m along the arm; joints at the heights
 # of lbr_description.
@@ -25,12 +23,11 @@ _FLANGE = (0.0, 0.0, 0.035)
 # each end, the ranges are those of lbr_description, urdf/iiwa7/joint_limits.yaml; the
 # torques those of Drake's iiwa7 models. 200 Nm everywhere, as lbr_description has it,
 # and 300 Nm, as older models do, are not the robot's.
-_Q_MAX_DEG = (170, 120, 170, 120, 170, 120, 175)
 _DQ_MAX_DEG = (98, 98, 100, 130, 140, 180, 180)
 _TAU_MAX = (176, 176, 110, 110, 110, 40, 40)
 
 # lbr_description (lbr_fri_ros2_stack), urdf/iiwa7/iiwa7_description.xacro, in its own
-# frames (`lbr_frames`): joint origin in the parent, and mass, com, (Ixx, Iyy, Izz),
+# frames (`lbr`): joint origin in the parent, and mass, com, (Ixx, Iyy, Izz),
 # (Ixy, Ixz, Iyz). With its base they are the data sheet's 23.9 kg.
 _LBR = (
     ((0, 0, 0.1475),
@@ -55,29 +52,9 @@ _LBR = (
      (0.259474, (3e-06, -2e-06, 0.013782),
       (0.000171, 0.000171, 0.000299), (0, 0, 0))),
 )  # fmt: skip
-_POSTURES = {
-    "down": np.array([0.0, 0.6, 0.0, -1.6, 0.0, 0.95, 0.0]),
-    "forward": np.array([0.0, 0.6, 0.0, -1.6, 0.0, -0.63, 0.0]),
-}
-"""Elbow up; the tool down over a table, or level [rad]."""
 
 
 def iiwa7() -> Robot:
     """Return the LBR iiwa 7 R800 without a tool."""
-    q_max, origins = np.deg2rad(_Q_MAX_DEG), np.array(_ORIGINS)
-    return Robot(
-        name="iiwa7",
-        geometry=Geometry(
-            origin_position=origins,
-            origin_rotation=ROTATIONS,
-            flange_position=np.array(_FLANGE),
-        ),
-        links=Links(**in_our_frames(_LBR, origins)._asdict()),
-        limits=RobotLimits(
-            q_min=-q_max,
-            q_max=q_max,
-            dq_max=np.deg2rad(_DQ_MAX_DEG),
-            tau_max=np.array(_TAU_MAX, dtype=float),
-        ),
-        postures=_POSTURES,
-    )
+    links = Links(**in_our_frames(_LBR, np.array(_ORIGINS))._asdict())
+    return lbr_arm("iiwa7", _ORIGINS, _FLANGE, links, _DQ_MAX_DEG, _TAU_MAX)

@@ -2,11 +2,10 @@
 
 import numpy as np
 
-from dovetail.robots.geometry import Geometry
-from dovetail.robots.lbr_frames import ROTATIONS, in_our_frames
+from dovetail.robots.iiwa14 import DQ_MAX_DEG, TAU_MAX
+from dovetail.robots.lbr import in_our_frames, lbr_arm
 from dovetail.robots.links import Links
 from dovetail.robots.robot import Robot
-from dovetail.robots.robot_limits import RobotLimits
 
 # An iiwa 14's 0.360 / 0.420 / 0.400 / 0.126 m along the arm, joints at the heights of
 # lbr_description. There A1 is 0.5 mm lower.
@@ -21,15 +20,8 @@ _ORIGINS = (
 )
 _FLANGE = (0.0, 0.0, 0.035)
 
-# lbr_description, urdf/med14/joint_limits.yaml: ranges and speeds, an iiwa 14's. Its
-# torques are 200 Nm everywhere, which is not the robot's: here an iiwa 14's are taken
-# (data sheet), whose payload, reach, ranges and speeds this arm shares.
-_Q_MAX_DEG = (170, 120, 170, 120, 170, 120, 175)
-_DQ_MAX_DEG = (85, 85, 100, 75, 130, 135, 135)
-_TAU_MAX = (320, 320, 176, 176, 110, 40, 40)
-
 # lbr_description (lbr_fri_ros2_stack), urdf/med14/med14_description.xacro, in its own
-# frames (`lbr_frames`): joint origin in the parent, and mass, com, (Ixx, Iyy, Izz),
+# frames (`lbr`): joint origin in the parent, and mass, com, (Ixx, Iyy, Izz),
 # (Ixy, Ixz, Iyz). With its base they are KUKA's 32.3 kg.
 _LBR = (
     ((0, 0, 0.1475),
@@ -54,29 +46,11 @@ _LBR = (
      (0.280474, (3e-06, -2e-06, 0.013782),
       (0.000185, 0.000185, 0.000323), (0, 0, 0))),
 )  # fmt: skip
-_POSTURES = {
-    "down": np.array([0.0, 0.6, 0.0, -1.6, 0.0, 0.95, 0.0]),
-    "forward": np.array([0.0, 0.6, 0.0, -1.6, 0.0, -0.63, 0.0]),
-}
-"""Elbow up; the tool down over a table, or level [rad]."""
 
 
 def med14() -> Robot:
     """Return the LBR Med 14 R820 without a tool."""
-    q_max, origins = np.deg2rad(_Q_MAX_DEG), np.array(_ORIGINS)
-    return Robot(
-        name="med14",
-        geometry=Geometry(
-            origin_position=origins,
-            origin_rotation=ROTATIONS,
-            flange_position=np.array(_FLANGE),
-        ),
-        links=Links(**in_our_frames(_LBR, origins)._asdict()),
-        limits=RobotLimits(
-            q_min=-q_max,
-            q_max=q_max,
-            dq_max=np.deg2rad(_DQ_MAX_DEG),
-            tau_max=np.array(_TAU_MAX, dtype=float),
-        ),
-        postures=_POSTURES,
-    )
+    links = Links(**in_our_frames(_LBR, np.array(_ORIGINS))._asdict())
+    # Limits of an iiwa 14. lbr_description, urdf/med14/joint_limits.yaml, has the
+    # same ranges and speeds; its torques, 200 Nm everywhere, are not the robot's.
+    return lbr_arm("med14", _ORIGINS, _FLANGE, links, DQ_MAX_DEG, TAU_MAX)

@@ -2,38 +2,20 @@
 
 import numpy as np
 
-from dovetail.robots.geometry import Geometry
+from dovetail.robots.fr3 import DTAU_MAX, GEOMETRY, POSTURES, TAU_MAX
 from dovetail.robots.links import Links, inertia_set
 from dovetail.robots.motors import Motors
 from dovetail.robots.robot import Robot
 from dovetail.robots.robot_limits import RobotLimits
 
-# franka_description, robots/fer/kinematics.yaml; the same as a Research 3.
-_ORIGINS = (
-    (0.0, 0.0, 0.333),
-    (0.0, 0.0, 0.0),
-    (0.0, -0.316, 0.0),
-    (0.0825, 0.0, 0.0),
-    (-0.0825, 0.384, 0.0),
-    (0.0, 0.0, 0.0),
-    (0.088, 0.0, 0.0),
-)
-_FLANGE = (0.0, 0.0, 0.107)
-_STRAIGHT = ((1, 0, 0), (0, 1, 0), (0, 0, 1))
-_BACK = ((1, 0, 0), (0, 0, 1), (0, -1, 0))  # by -90 deg about x
-_FORTH = ((1, 0, 0), (0, 0, -1), (0, 1, 0))  # by +90 deg about x
-_ROTATIONS = (_STRAIGHT, _BACK, _FORTH, _FORTH, _BACK, _FORTH, _FORTH)
-
 # franka_ros, franka_description/robots/panda/joint_limits.yaml: position, speed and
-# torque. libfranka 0.9, rate_limiting.h: change of the torque. The speed limit does not
-# fall towards the position limits, as a Research 3's does.
+# torque. libfranka 0.9, rate_limiting.h: change of the torque. Both torques are as
+# of a Research 3. The speed limit does not fall towards the position limits, as there.
 _Q_MIN = (-2.8973, -1.7628, -2.8973, -3.0718, -2.8973, -0.0175, -2.8973)
 _Q_MAX = (2.8973, 1.7628, 2.8973, -0.0698, 2.8973, 3.7525, 2.8973)
 _DQ_MAX = (2.175, 2.175, 2.175, 2.175, 2.61, 2.61, 2.61)
 # At full speed A2, stretched out with a hand, has too little torque left to brake with.
 _SPEED_SHARE = 0.75
-_TAU_MAX = (87, 87, 87, 87, 12, 12, 12)
-_DTAU_MAX = 1000.0
 
 # Identified on a real arm (Gaz et al., 2019), as franka_ros has them in
 # franka_description/robots/common/inertial.yaml, and mujoco_menagerie in
@@ -61,31 +43,22 @@ _LINKS = (
 # mujoco_menagerie, franka_emika_panda; Franka publishes neither.
 _DAMPING = (1.0,) * 7
 _ARMATURE = (0.1,) * 7
-_POSTURES = {
-    "down": np.array([0.0, -0.3, 0.0, -2.2, 0.0, 1.9, 0.785]),
-    "forward": np.array([0.0, -0.3, 0.0, -2.2, 0.0, 3.47, 0.785]),
-}
-"""Elbow up; the tool down over a table, or level [rad]."""
 
 
 def panda() -> Robot:
     """Return the Franka Emika Panda without a tool."""
     return Robot(
         name="panda",
-        geometry=Geometry(
-            origin_position=np.array(_ORIGINS),
-            origin_rotation=np.array(_ROTATIONS, dtype=float),
-            flange_position=np.array(_FLANGE),
-        ),
+        geometry=GEOMETRY,  # franka_description, robots/fer/kinematics.yaml: the same
         links=Links(**inertia_set(_LINKS)._asdict()),
         limits=RobotLimits(
             q_min=np.array(_Q_MIN),
             q_max=np.array(_Q_MAX),
             dq_max=_SPEED_SHARE * np.array(_DQ_MAX),
-            tau_max=np.array(_TAU_MAX, dtype=float),
-            dtau_max=np.full(7, _DTAU_MAX),
+            tau_max=np.array(TAU_MAX, dtype=float),
+            dtau_max=np.full(7, DTAU_MAX),
         ),
         motors=Motors(damping=np.array(_DAMPING), armature=np.array(_ARMATURE)),
-        postures=_POSTURES,
+        postures=POSTURES,
         gripper="franka_hand",
     )
