@@ -9,8 +9,8 @@ from dovetail.robots.robot import Robot
 from dovetail.robots.robot_limits import RobotLimits
 
 # franka_ros, franka_description/robots/panda/joint_limits.yaml: position, speed and
-# torque. libfranka 0.9, rate_limiting.h: change of the torque. Both torques are as
-# of a Research 3. The speed limit does not fall towards the position limits, as there.
+# torque. libfranka 0.9, rate_limiting.h: change of the torque. Both are as on a
+# Research 3. The speed limit does not fall towards the position limits, as there.
 _Q_MIN = (-2.8973, -1.7628, -2.8973, -3.0718, -2.8973, -0.0175, -2.8973)
 _Q_MAX = (2.8973, 1.7628, 2.8973, -0.0698, 2.8973, 3.7525, 2.8973)
 _DQ_MAX = (2.175, 2.175, 2.175, 2.175, 2.61, 2.61, 2.61)
