@@ -19,6 +19,7 @@ import dovetail  # noqa: F401  (registers the environments)
 from dovetail.control.period import PERIODS, POLICY_PERIOD
 from dovetail.control.proven import DECLARED, GRAVITY_ERROR
 from dovetail.plants.twin import Twin, list_twins, load_twin
+from dovetail.robots.find import DEFAULT_ROBOT
 
 SETTLE_STEPS = 10
 
@@ -38,10 +39,14 @@ def random_twin(seed: int) -> Twin:
     )
 
 
-def drift(twin: Twin | str, period: float, minutes: float) -> tuple[float, float]:
+def drift(
+    twin: Twin | str, robot: str, period: float, minutes: float
+) -> tuple[float, float]:
     """Return the largest drift of a joint [rad] and of the tool [m]."""
     options: dict[str, Any] = {} if twin == "none" else {"twin": twin}
-    made = gym.make("dovetail/PegInHole-v0", tare=True, period=period, **options)
+    made = gym.make(
+        "dovetail/PegInHole-v0", tare=True, robot=robot, period=period, **options
+    )
     env: Any = made.unwrapped
     env.reset(seed=3)
     nothing = np.zeros(env.action_space.shape, dtype=np.float32)
@@ -63,12 +68,13 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=str(__doc__).splitlines()[0])
     parser.add_argument("--minutes", type=float, default=10.0)
     parser.add_argument("--twin", nargs="+", default=["none", *list_twins()])
+    parser.add_argument("--robot", default=DEFAULT_ROBOT)
     parser.add_argument("--random", type=int, default=0, help="twins drawn at random")
     args = parser.parse_args()
     drawn = {f"random {seed}": random_twin(seed) for seed in range(args.random)}
     for name, twin in ({name: name for name in args.twin} | drawn).items():
         for period in PERIODS:
-            joint, tool = drift(twin, period, args.minutes)
+            joint, tool = drift(twin, args.robot, period, args.minutes)
             print(
                 f"{name:9s} {1e3 * period:3g} ms: joint {joint:.4f} rad, "
                 f"tool {1e3 * tool:.2f} mm in {args.minutes:g} min",
