@@ -5,7 +5,8 @@
 # make test-fast   three of five Python tests, in a minute and a half: tests/slow.txt has the others
 # make lint    what CI checks besides the tests
 # make docs    build the site into site/; a link or a name that is missing is an error
-# make rehearse-franka   the Franka's loop against franka-sim, a simulator of its control box
+# make test-franka   the Franka's tests against franka-sim, a simulator of its control box
+# make rehearse-franka   the Franka's loop against it, with times and stops
 # make proto   generate the gRPC messages from proto/dovetail.proto
 # make format  write Python and C++ in the house's format
 # make wheel   build the wheel of this machine's PYTHON into dist/, for any processor
@@ -50,7 +51,8 @@ CPP := $(shell find cpp -name '*.[ch]pp')
 PACKAGE := $(shell find src -type f -not -name '*.pyc' -not -name '*.so')
 EXTRAS := bullet,drake,learn,log,rpc,identify,reproduce,cluster,camera,view,teach,parts,franka,test,lint,docs
 
-.PHONY: demo test test-cpp test-sanitized test-python test-fast fuzz lint figures proto format rehearse-franka \
+.PHONY: demo test test-cpp test-sanitized test-python test-fast fuzz lint figures proto format \
+  test-franka rehearse-franka \
   wheel wheel-test clean
 
 demo: $(SET_UP)
@@ -78,6 +80,11 @@ fuzz: $(DEVELOP)
 # pytest comes last: its closing line says how many tests passed.
 test-python: $(DEVELOP) $(LEROBOT)/.set-up
 	$(BIN)/python -m pytest -n $(WORKERS) --dist worksteal $(ARGS)
+
+# One after the other: FCI has one port, and a deadline of 1 ms.
+test-franka: $(DEVELOP) $(VENV)/franka-sim/.set-up
+	$(BIN)/python -m pytest tests/arms/test_arm_contract.py \
+	  tests/benchmarks/test_benchmarks.py -k franka $(ARGS)
 
 # Three of five tests, those that take 0.05 s at most: tests/slow.txt names the others.
 test-fast: $(DEVELOP)

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from dovetail.errors import install_command
+from extras import need_franka_sim_alone
 
 BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
 EXAMPLES = BENCHMARKS.parent / "examples"
@@ -41,14 +42,12 @@ NEEDS = {
         "robosuite": "pip install robosuite==1.5.2 mujoco==3.3.0 in an environment of "
         "its own, and give its interpreter: benchmarks/tracking.py --robosuite PYTHON",
     },
-    "beside_franka_sim": {
-        "franka_sim": "make rehearse-franka, which makes an environment of its own",
-    },
     **{
-        name: {
-            "franka_sim": "make rehearse-franka, which makes an environment of its own",
-        }
-        for name in ("franka_peers", "rehearse_franka", "rehearse_franka --stops")
+        name: {"franka_sim": "make test-franka, which makes an environment of its own"}
+        for name in (
+            *("beside_franka_sim", "franka_peers"),
+            *("rehearse_franka", "rehearse_franka --stops"),
+        )
     },
     "demonstrations": {"sbx": install_command("learn", "view")},
     "specialists": {
@@ -177,6 +176,8 @@ def test_a_benchmark_runs(name, tmp_path):
     for what, way in NEEDS.get(name, {}).items():
         if not is_installed(what):
             pytest.skip(f"{name} needs {what.partition(':')[0]}: {way}")
+        if what == "franka_sim":
+            need_franka_sim_alone()
     words, prints = TINY[name]
     script = BENCHMARKS / f"{name.partition(' ')[0]}.py"
     done = subprocess.run(
