@@ -87,12 +87,12 @@ void ServoLoop::lean(const Vec7& q) noexcept {
 }
 
 void ServoLoop::stop() noexcept {
-  stop_requested_ = true;
+  request_ = Request::kStop;
   wake_loop_.ring();
 }
 
 void ServoLoop::clear() noexcept {
-  clear_requested_ = true;
+  request_ = Request::kClear;
   wake_loop_.ring();
 }
 
@@ -176,13 +176,12 @@ void ServoLoop::run() noexcept {
 }
 
 void ServoLoop::take_requests() noexcept {
-  if (stop_requested_.load(std::memory_order_relaxed) &&
-      stop_requested_.exchange(false)) {
-    cycle_.watchdog().request_stop();
-  }
-  if (clear_requested_.load(std::memory_order_relaxed) &&
-      clear_requested_.exchange(false)) {
-    cycle_.clear();
+  if (request_.load(std::memory_order_relaxed) != Request::kNone) {
+    if (request_.exchange(Request::kNone) == Request::kStop) {
+      cycle_.watchdog().request_stop();
+    } else {
+      cycle_.clear();
+    }
   }
   if (diagnosis_requested_.load(std::memory_order_relaxed) &&
       diagnosis_requested_.exchange(false)) {

@@ -247,6 +247,21 @@ BOOST_AUTO_TEST_CASE(a_stop_is_logged_to_a_file_with_its_reason) {
   BOOST_TEST(files == 1);
 }
 
+BOOST_AUTO_TEST_CASE(of_a_stop_and_a_clear_the_later_one_holds) {
+  start();
+  activate();
+  for (int k = 0; k < 200; ++k) {
+    loop->clear();
+    loop->stop();  // often before the loop has seen the clear
+    for (int cycle = 0; cycle < 3; ++cycle) exchange();
+    BOOST_TEST(loop->state().is_stopped);
+    loop->stop();
+    loop->clear();
+    for (int cycle = 0; cycle < 3; ++cycle) exchange();
+    BOOST_TEST(!loop->state().is_stopped);
+  }
+}
+
 BOOST_AUTO_TEST_CASE(a_log_that_cannot_be_written_is_a_note) {
   loop_params.log_folder = "/dev/full";
   start();

@@ -121,6 +121,9 @@ class ServoLoop {
   std::vector<std::string> notes() const;
 
  private:
+  /// Only the newest is carried out: a stop after a `clear` stops.
+  enum class Request : std::uint8_t { kNone, kStop, kClear };
+
   struct Failure {
     fri::DecodeResult result;
     Peer source;
@@ -159,7 +162,7 @@ class ServoLoop {
   std::mutex order_mutex_;  // among learners only
   Order order_;
   TripleBuffer<Order> orders_;
-  std::atomic<bool> stop_requested_{false}, clear_requested_{false};
+  std::atomic<Request> request_{Request::kNone};
   std::atomic<bool> end_expected_{false}, closing_{false}, writer_closing_{false};
   std::atomic<bool> diagnosis_requested_{false};
 
