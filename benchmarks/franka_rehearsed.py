@@ -29,7 +29,8 @@ def make_arm(
         processor: Where the arm's loop stays; None is any.
     """
     robot = fr3()
-    task = "XYZ:pose ABC:pose" if kind == "jumps" else "XYZ:force A:pose BC:hold"
+    is_posed = kind in ("jumps", "reaches")
+    task = "XYZ:pose ABC:pose" if is_posed else "XYZ:force A:pose BC:hold"
     low, high = WALLS
     settings = ControllerSettings(
         osc=OscConfig.for_period(1e-3),

@@ -3,9 +3,10 @@
 franka-sim is somebody else's simulator of Franka's control box, in an environment of
 its own: `make rehearse-franka` sets it up and runs this. Behaviours take turns: random
 corners of f*, corners that are held for a second, a joint that is driven to its nearer
-limit, poses that jump by 0.3 m and 90 degrees, and policies that are switched every two
-seconds. Motions that end early are counted by reason, and so are cycles that had no
-command in time. With `--push 30` the hand is pushed meanwhile.
+limit, reaches at 0.25 m/s, poses that jump by 0.3 m and 90 degrees, and policies that
+are switched every two seconds. Motions that end early are counted by reason, and so are
+cycles that had no command in time; after each of them the behaviour goes on. With
+`--push 30` the hand is pushed meanwhile.
 
 `--stops` kills, stops and disconnects one end of the loop: `franka_stops`.
 """
@@ -30,8 +31,9 @@ from dovetail.poses import quat_about_z, quat_multiply
 
 F_STAR = 5.0  # m/s2
 SWITCHED = ("random", "held", "to a limit", "joints")
-KINDS = (*SWITCHED[:3], "jumps", "switched")
-STEPS = 40  # of 50 ms between two jumps, or two policies
+KINDS = (*SWITCHED[:3], "reaches", "jumps", "switched")
+STEPS = 40  # of 50 ms between two jumps, reaches or policies
+REACH = 0.25 * 0.05  # m in a step of 50 ms
 
 
 def behave(
@@ -40,7 +42,9 @@ def behave(
     """Act for so many steps of 50 ms; yields each one's torque rates [Nm/s]."""
     robot = arm.facts.robot
     state = arm.reset(robot.posture("down"), AWAY)
-    hold = state.tool.quat_wxyz
+    hold = turned = state.tool.quat_wxyz
+    at = goal = state.tool.position
+    low, high = (np.array(wall) for wall in WALLS)
     target = _core.Target()
     signs, now = np.ones(3), kind
     yield np.zeros(7)  # it is at its start
@@ -50,14 +54,17 @@ def behave(
         is_new = k % STEPS == 0
         turn = quat_about_z(rng.uniform(-0.8, 0.8))
         target.joint_mode = now == "joints"
-        if now == "jumps" and is_new:
-            low, high = (np.array(wall) for wall in WALLS)
-            target.position_d = rng.uniform(low + 0.05, high - 0.05)
-            turn = quat_about_z(rng.choice([-1.0, 1.0]) * np.pi / 4.0)
-            target.quat_wxyz_d = quat_multiply(turn, hold)
+        if now in ("reaches", "jumps"):
+            if is_new:
+                goal = rng.uniform(low + 0.05, high - 0.05)
+                yaw = (now == "jumps") * rng.choice([-1.0, 1.0]) * np.pi / 4.0
+                turned = quat_multiply(quat_about_z(yaw), hold)
+            at = nearer(at, goal, REACH if now == "reaches" else np.inf)
+            target.position_d = at
+            target.quat_wxyz_d = turned
         elif now == "joints" and is_new:
             target.q_d = robot.posture("down") + rng.uniform(-0.2, 0.2, 7)
-        elif now not in ("jumps", "joints"):
+        elif now != "joints":
             if now == "to a limit":
                 signs = towards_a_limit(arm, state.q, int(rng.integers(7)))
             elif now == "random" or k % 20 == 0:
@@ -68,6 +75,12 @@ def behave(
         if len(state.log) > 1:
             cycles = np.maximum(np.diff(state.log[:, :1], axis=0), 1e-3)
             yield (np.abs(np.diff(state.log[:, 15:22], axis=0)) / cycles).max(axis=0)
+
+
+def nearer(at: np.ndarray, goal: np.ndarray, most: float) -> np.ndarray:
+    """Return the place that is nearer to a goal by so much [m], or the goal."""
+    way = goal - at
+    return at + way * min(1.0, most / max(float(np.linalg.norm(way)), 1e-9))
 
 
 def towards_a_limit(arm: FrankaArm, q: np.ndarray, joint: int) -> np.ndarray:
@@ -85,28 +98,45 @@ def rehearse(args: argparse.Namespace, shared: Shared) -> Counter[str]:
     steps = max(1, round(args.minutes * 60.0 / 0.05 / len(kinds)))
     early: Counter[str] = Counter()
     for kind in kinds:
-        arm = make_arm(kind, realtime=args.realtime, processor=args.processor)
-        fastest = np.zeros(7)
-        try:
-            for rate in behave(arm, kind, steps, rng):
-                shared.push = args.push
-                fastest = np.maximum(fastest, rate)
-            end = f"torque rate up to {fastest.max():.0f} Nm/s"
-        except ArmError as error:
-            early[error.reason] += 1
-            end = f"{error.reason}: {error}"
-        shared.push = 0.0
-        found = arm.statistics()
-        counts = found["counts"]
-        times = "/".join(f"{1e6 * t:.0f}" for t in found["times"].values())
-        print(
-            f"{kind:12s} {counts['cycles']:8d} {counts['lost']:6d} "
-            f"{counts['held']:6d} {times:>24s}  {end}",
-            flush=True,
-        )
-        arm.close()
-        time.sleep(0.5)
+        left = steps
+        while left > 0:
+            done = one_motion(args, kind, left, rng, shared, early)
+            left -= max(1, done)  # one that ends at once must not go on for ever
+            time.sleep(0.5)
     return early
+
+
+def one_motion(
+    args: argparse.Namespace,
+    kind: str,
+    steps: int,
+    rng: np.random.Generator,
+    shared: Shared,
+    early: Counter[str],
+) -> int:
+    """Print a line of one motion, and count its end; returns the steps that it took."""
+    arm = make_arm(kind, realtime=args.realtime, processor=args.processor)
+    fastest, done = np.zeros(7), 0
+    try:
+        for rate in behave(arm, kind, steps, rng):
+            shared.push = args.push
+            fastest = np.maximum(fastest, rate)
+            done += 1
+        end = f"torque rate up to {fastest.max():.0f} Nm/s"
+    except ArmError as error:
+        early[error.reason] += 1
+        end = f"{error.reason}: {error}"
+    shared.push = 0.0
+    found = arm.statistics()
+    counts = found.get("counts", {"cycles": 0, "lost": 0, "held": 0})
+    times = "/".join(f"{1e6 * t:.0f}" for t in found.get("times", {}).values())
+    print(
+        f"{kind:12s} {counts['cycles']:8d} {counts['lost']:6d} "
+        f"{counts['held']:6d} {times:>24s}  {end}",
+        flush=True,
+    )
+    arm.close()
+    return done
 
 
 def main() -> None:

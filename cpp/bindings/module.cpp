@@ -269,9 +269,15 @@ void bind_controller(nb::module_& m) {
             return std::tuple(std::string(name(end.cause())), end.joint(), end.value(),
                               end.limit());
           },
-          "What the last line ended the motion for: cause (none, oscillation, energy "
-          "or "
-          "speed), joint (0 to 6, or -1), value and what was allowed [SI].")
+          "What the last line ended the motion for: cause (none, oscillation, energy, "
+          "force or speed), joint (0 to 6, or -1), value and what was allowed [SI].")
+      .def_prop_ro(
+          "end_text",
+          [](const Controller& self) {
+            const LastLine& end = self.end();
+            return describe(end.cause(), end.joint(), end.value(), end.limit());
+          },
+          "The same in words; empty where it ended nothing.")
       .def_prop_ro(
           "believed",
           [](const Controller& self) {

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <sstream>
 
 namespace dovetail {
 namespace {
@@ -36,6 +37,31 @@ const char* name(EndCause cause) noexcept {
       return "speed";
   }
   return "unknown";
+}
+
+std::string describe(EndCause cause, int joint, double value, double limit) {
+  std::ostringstream text;
+  const char* unit = "rad/s";
+  switch (cause) {
+    case EndCause::kOscillation:
+      text << "speed of A" << joint + 1 << " swings to and fro by ";
+      break;
+    case EndCause::kSpeed:
+      text << "speed of A" << joint + 1 << " is ";
+      break;
+    case EndCause::kEnergy:
+      text << "limiters drove the arm with ";
+      unit = "J";
+      break;
+    case EndCause::kForce:
+      text << "limiters press the tool with ";
+      unit = "N";
+      break;
+    case EndCause::kNone:
+      return "";
+  }
+  text << value << ' ' << unit << ", allowed is " << limit << ' ' << unit;
+  return text.str();
 }
 
 LastLine::LastLine(const LimitParams& limits) noexcept

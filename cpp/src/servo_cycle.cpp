@@ -348,7 +348,7 @@ void ServoCycle::note_end(const Flags& flags) noexcept {
   if (!flags.ended) return;
   const LastLine& end = controller_.end();
   watchdog_.stop_for({StopReason::kLastLine, static_cast<std::int8_t>(end.joint()),
-                      end.value(), end.limit()});
+                      end.value(), end.limit(), end.cause()});
 }
 
 std::size_t ServoCycle::answer(const Order& order, std::uint8_t* out) noexcept {

@@ -30,8 +30,6 @@ Words words_of(StopReason reason) noexcept {
       return {"measured from commanded torque", "Nm"};
     case StopReason::kExternalTorque:
       return {"external torque", "Nm"};
-    case StopReason::kLastLine:
-      return {"speed swing or excess", "rad/s"};
     default:
       return {"", ""};
   }
@@ -89,10 +87,7 @@ std::string describe(const StopFacts& facts) {
            << "T2 at the enabling switch";
       return text.str();
     case StopReason::kLastLine:
-      if (facts.joint >= 0) break;
-      text << "limiters drove the arm with " << facts.value << " J, allowed are "
-           << facts.limit << " J";
-      return text.str();
+      return describe(facts.end, facts.joint, facts.value, facts.limit);
     case StopReason::kTargetTimeout:
       text << "no new Target for " << 1e3 * facts.value << " ms, allowed are "
            << 1e3 * facts.limit << " ms";

@@ -280,6 +280,7 @@ BOOST_AUTO_TEST_CASE(what_the_last_line_ended_is_a_stop_with_its_reason) {
   const StopFacts& facts = cycle.state().facts;
   BOOST_TEST(cycle.state().is_stopped);
   BOOST_CHECK(facts.reason == StopReason::kLastLine);
+  BOOST_CHECK(facts.end == EndCause::kSpeed);
   BOOST_TEST(facts.joint == 6);
   BOOST_TEST(facts.value > facts.limit);
   BOOST_TEST(facts.limit == (1.0 - 0.4 * limits.delta_v) * limits.dq_max[6]);

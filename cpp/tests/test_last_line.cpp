@@ -244,6 +244,17 @@ BOOST_AUTO_TEST_CASE(the_first_cause_stays_until_a_reset) {
   BOOST_TEST(!line.check({Vec7::Zero(), Vec7::Zero(), 0.0, 0.0, 0.001}));
 }
 
+BOOST_AUTO_TEST_CASE(each_cause_is_told_with_its_own_unit) {
+  const auto told = [](EndCause cause, int joint, const char* words) {
+    BOOST_TEST(describe(cause, joint, 2.5, 2.0).find(words) != std::string::npos);
+  };
+  told(EndCause::kOscillation, 3, "A4 swings to and fro by 2.5 rad/s");
+  told(EndCause::kSpeed, 6, "A7 is 2.5 rad/s, allowed is 2 rad/s");
+  told(EndCause::kEnergy, -1, "2.5 J, allowed is 2 J");
+  told(EndCause::kForce, -1, "2.5 N, allowed is 2 N");
+  BOOST_TEST(describe(EndCause::kNone, -1, 0.0, 0.0).empty());
+}
+
 BOOST_AUTO_TEST_CASE(switched_off_it_sees_nothing) {
   limits.last_line = false;
   power = 100.0;

@@ -15,6 +15,7 @@
 
 #include <array>
 #include <cstdint>
+#include <string>
 
 #include "dovetail/decay.hpp"
 #include "dovetail/types.hpp"
@@ -25,6 +26,10 @@ namespace dovetail {
 enum class EndCause : std::uint8_t { kNone, kOscillation, kEnergy, kForce, kSpeed };
 
 [[nodiscard]] const char* name(EndCause cause) noexcept;
+
+/// The end in words: what, which joint (0 to 6), value and what is allowed. Allocates.
+[[nodiscard]] std::string describe(EndCause cause, int joint, double value,
+                                   double limit);
 
 /// One cycle as the last line sees it.
 struct LastLineInput {

@@ -11,6 +11,7 @@
 #include <optional>
 #include <string>
 
+#include "dovetail/last_line.hpp"
 #include "dovetail/types.hpp"
 
 namespace dovetail {
@@ -50,9 +51,10 @@ enum class Verdict : std::uint8_t {
 /// The facts of a stop.
 struct StopFacts {
   StopReason reason = StopReason::kNone;
-  std::int8_t joint = -1;  ///< 0 to 6, -1 where it is no joint's
-  double value = 0.0;      ///< what was measured
-  double limit = 0.0;      ///< what is allowed
+  std::int8_t joint = -1;          ///< 0 to 6, -1 where it is no joint's
+  double value = 0.0;              ///< what was measured
+  double limit = 0.0;              ///< what is allowed
+  EndCause end = EndCause::kNone;  ///< of the last line, where it was that
 };
 
 const char* name(StopReason reason) noexcept;

@@ -323,10 +323,8 @@ class Loop:
             result = controller.step(self._q, self._dq, target, step)
             if result.flags.ended and not self._is_stopped:
                 self._is_stopped = True
-                cause, _, value, limit = controller.end
                 self._problem = (
-                    f"the controller's last line ended the motion, by its {cause}: "
-                    f"{value:.3g}, at most {limit:.3g} is allowed"
+                    f"the controller's last line ended the motion: {controller.end_text}"
                 )
             command = torques(result.tau.tolist())
             if is_last := self._is_over():
