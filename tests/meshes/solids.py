@@ -42,6 +42,17 @@ def cone(low_radius, high_radius, low, high, sides=64):
     return trimesh.convex.convex_hull(np.vstack(rings))
 
 
+def bead(radius, out, z, sides=64):
+    """Return a ring around z that stands out by as much as it is wide [mm]."""
+    creation = need("trimesh").creation
+    line = [
+        (radius - 0.5, z - out - 0.5),
+        (radius + out, z),
+        (radius - 0.5, z + out + 0.5),
+    ]
+    return creation.revolve([*line, line[0]], sections=sides)
+
+
 def united(*bodies):
     """Return the union of bodies."""
     need("manifold3d")

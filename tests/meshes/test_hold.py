@@ -153,3 +153,10 @@ def test_a_wall_beside_the_plug_turns_the_fingers(side):
     grip = find_hold(shaft(10.0, -20.0, 25.0), joined(WIDE_PLATE, wall), DEPTH).grip
     assert grip.touching == pytest.approx(0.020, abs=1e-3)
     assert (side * grip.pads()[:, :, 0]).max() < 0.0111
+
+
+def test_fingers_do_not_rest_on_the_socket():
+    """Fingers of 20 mm from the mouth up would: they take less of it, 1 mm higher."""
+    hold = find_hold(shaft(10.0, -20.0, 20.0), WIDE_PLATE, DEPTH)
+    assert hold.kind == "fingers"
+    assert hold.grip.low >= 0.001

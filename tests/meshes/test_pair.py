@@ -9,13 +9,13 @@ from dovetail.errors import ConfigError
 from dovetail.meshes.exactness import PieceSections, exactness_of
 from dovetail.meshes.pair import convert
 from dovetail.meshes.part_folder import part_table, write_part
-from dovetail.meshes.way import Gap
+from dovetail.meshes.way import Gap, find_way
 from dovetail.tasks.insert.task import Insert
 from dovetail.workcell.part_file import read_pair
 from dovetail.workcell.part_text import whole_part
 from dovetail.workcell.parts import Part, Primitive, turned_box
 from extras import need
-from meshes.solids import circle, cone, cut, mesh, prism, square, united
+from meshes.solids import bead, circle, cone, cut, mesh, prism, square, united
 
 need("shapely")
 need("trimesh")
@@ -202,11 +202,19 @@ def test_a_plug_larger_than_its_socket_is_refused():
 
 def test_a_face_that_is_a_little_in_the_socket_is_cut_back_and_said():
     _, socket = square_pair()
-    plug = united(prism(square(8.0), -10.0, 40.0), prism(square(1.0, x=3.72), -9.0, 0))
-    found = convert(mesh(plug), mesh(socket))
+    rib = prism(square(1.0, x=3.72), -0.5, 0)  # 0.02 mm in a wall, at the end alone
+    found = convert(mesh(united(prism(square(8.0), -10.0, 40.0), rib)), mesh(socket))
     assert any("cut back" in note for note in found.plug.notes)
     assert not found.is_through
     assert found.is_go, found.reasons
+
+
+def test_a_rib_that_is_pressed_along_a_wall_is_no_go():
+    _, socket = square_pair()
+    rib = prism(square(1.0, x=3.72), -9.0, 0)
+    found = convert(mesh(united(prism(square(8.0), -10.0, 40.0), rib)), mesh(socket))
+    assert not found.is_go
+    assert "press fit" in " ".join(found.reasons)
 
 
 @pytest.mark.parametrize("side", [8.4, 8.43])
@@ -235,6 +243,41 @@ def test_an_undercut_does_not_go_in_straight():
     assert error.value.value > 1e-6
     with pytest.raises(ConfigError, match="undercut"):
         convert(*both, axis="-z")
+
+
+@pytest.mark.parametrize("z", [-8.2, -7.9, -7.6, -7.3, -7.0])
+def test_a_bead_that_snaps_in_is_seen_between_two_sections(z):
+    """It stands out by 0.4 mm over 0.8 mm of height: sections are 1.5 mm apart."""
+    plug = united(prism(circle(6.0), -15, 20), bead(6.0, 0.4, z))
+    block = cut(prism(square(24), -19, 0), prism(circle(6.2), -15, 1))
+    socket = cut(block, bead(6.2, 0.5, z))
+    with pytest.raises(ConfigError, match="undercut"):
+        find_way(mesh(plug), mesh(socket))
+
+
+def test_a_groove_between_two_sections_costs_nothing():
+    """An O-ring's groove goes in; a wall that turns is no reason for pieces."""
+    plug = cut(
+        prism(circle(6.0), -15, 20),
+        cut(prism(circle(7), -8, -7), prism(circle(5), -9, -6)),
+    )
+    socket = cut(prism(square(24), -19, 0), prism(circle(6.2), -15, 1))
+    assert convert(mesh(plug), mesh(socket)).reasons == ()
+
+
+@pytest.mark.parametrize("area", [circle(5), square(10)], ids=["round", "square"])
+def test_a_plug_that_stands_on_its_socket_does_not_mate(area):
+    """Each part from its own origin: no way in along the socket's top is found."""
+    hole = area.buffer(0.2, join_style="mitre")
+    socket = cut(prism(square(30), -25, 0), prism(hole, -20, 1))
+    with pytest.raises(ConfigError, match="not on it"):
+        find_way(mesh(prism(area, 0, 40)), mesh(socket))
+
+
+def test_walls_that_are_too_far_away_are_not_called_an_overlap():
+    socket = cut(prism(square(50), -20, 0), prism(square(27), -15, 1))
+    with pytest.raises(ConfigError, match="free along -z"):
+        find_way(mesh(prism(square(20), -15, 20)), mesh(socket))
 
 
 def test_a_plug_that_is_flush_is_held_by_a_stalk_on_it():

@@ -1,5 +1,6 @@
 """Meshes of strangers: read, repaired and said so, or refused."""
 
+import re
 import struct
 import time
 import zipfile
@@ -59,8 +60,60 @@ def test_both_meshes_of_a_pair_have_one_unit(tmp_path):
     small = save(box(4.0), tmp_path / "a.stl")
     one, other = read_meshes(small, large)
     assert one.units == other.units == "mm"
-    assert "the other part's longest side is 40;" in one.notes[0]
-    assert "its longest side is 40;" in other.notes[0]
+    assert "the other part's longest side is 40," in one.notes[0]
+    assert "its longest side is 40," in other.notes[0]
+
+
+def test_a_guess_names_the_size_in_the_other_units(tmp_path):
+    """A plug of 28 mm from a file in cm is taken for 71 mm, which a person sees."""
+    found = read_mesh(save(box(2.8), tmp_path / "a.stl"))
+    assert found.units == "inch"
+    assert "71.1 mm" in found.notes[0]
+    assert "28 mm if they are cm" in found.notes[0]
+
+
+@pytest.mark.parametrize(
+    ("unit", "longest"),
+    [("micron", 20e3), ("millimeter", 20.0), ("foot", 20.0 / 304.8)],
+)
+def test_each_unit_of_a_3mf_is_taken(tmp_path, unit, longest):
+    scaled = box(longest)
+    path, other = save(scaled, tmp_path / "a.3mf"), tmp_path / "b.3mf"
+    with zipfile.ZipFile(path) as archive, zipfile.ZipFile(other, "w") as new:
+        for name in archive.namelist():
+            text = archive.read(name)
+            if name.endswith(".model"):
+                text = re.sub(rb'unit="[a-z]*"', b'unit="%s"' % unit.encode(), text)
+                assert unit.encode() in text
+            new.writestr(name, text)
+    found = read_mesh(other)
+    assert found.units_from == "file"
+    assert np.ptp(found.vertices[:, 0]) == pytest.approx(20e-3)
+
+
+def test_a_body_with_two_materials_is_one(tmp_path):
+    path = save(box(), tmp_path / "a.obj")
+    lines = path.read_text().splitlines()
+    faces = [i for i, line in enumerate(lines) if line.startswith("f ")]
+    lines.insert(faces[5], "usemtl second")
+    lines.insert(faces[0], "usemtl first")
+    path.write_text("\n".join(lines))
+    assert read_mesh(path, "mm").volume == pytest.approx(1e-6)
+
+
+@pytest.mark.parametrize("content", [b"", b"this is no mesh", b"solid a\nendsolid"])
+def test_a_file_without_triangles_is_no_mesh(tmp_path, content):
+    path = tmp_path / "a.stl"
+    path.write_bytes(content)
+    with pytest.raises(ConfigError) as error:
+        read_mesh(path)
+    assert "bodies" not in str(error.value)
+
+
+def test_one_file_is_not_both_parts(tmp_path):
+    path = save(box(), tmp_path / "a.stl")
+    with pytest.raises(ConfigError, match="same file"):
+        read_meshes(path, path)
 
 
 @pytest.mark.parametrize("ending", ["obj", "ply"])

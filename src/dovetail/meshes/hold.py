@@ -282,7 +282,8 @@ def _clear_grip(grips: list[Grip], socket: Body, up: float) -> Grip | None:
         socket: The mesh.
         up: Height to which the plug is raised [m].
     """
-    above = {low: _Above(socket, low + up) for low in {grip.low for grip in grips}}
+    lows = {grip.low for grip in grips}
+    above = {low: _Above(socket, low + up - _AIR) for low in lows}
     return next((g for g in grips if not above[g.low].meets(g.pads())), None)
 
 

@@ -102,6 +102,13 @@ def convert(
             "fit does not go in where parts are rigid, as in a simulation; widen the "
             "socket in CAD, by 0.05 mm all round or more"
         )
+    elif way.pressed is not None:
+        place = ", ".join(f"{1e3 * v:.4g}" for v in way.pressed.at)
+        reasons.append(
+            f"the plug is a little wider than the socket on its way, about ({place}) "
+            "mm: such a press fit does not go in where parts are rigid, as in a "
+            "simulation; widen the socket there in CAD, by 0.1 mm or more"
+        )
     levels = np.unique([*way.plug.jumps, *way.socket.jumps])[::-1] - mouth[2]
     found = Conversion(
         name=name or plug.name,

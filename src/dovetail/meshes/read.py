@@ -100,6 +100,11 @@ def read_meshes(
         ConfigError: As `read_mesh`.
         MissingDependencyError: trimesh is not installed.
     """
+    if Path(plug).expanduser().resolve() == Path(socket).expanduser().resolve():
+        raise ConfigError(
+            f"plug and socket are the same file, {Path(plug).name}; give one of each",
+            name="mesh",
+        )
     both = _load(Path(plug)), _load(Path(socket))
     size = max(float(np.ptp(one.vertices, axis=0).max()) for one in both)
     first, second = (_finish(one, units, size) for one in both)
@@ -153,6 +158,12 @@ def _load(path: Path) -> _Raw:
     if ending == "3mf":
         _require_small_archive(path, content)
     bodies, units = _bodies(trimesh, path, ending, content)
+    if not bodies:
+        raise ConfigError(
+            f"{path.name} has no triangles: it is empty, cut short, or no "
+            f"{ending.upper()}; export it again",
+            name="mesh",
+        )
     if len(bodies) != 1:
         raise _several(path, len(bodies))
     (body,) = bodies
@@ -179,7 +190,8 @@ def _load(path: Path) -> _Raw:
             f"{path.name} has a corner that is NaN or infinite; export it again",
             name="mesh",
         )
-    return _Raw(path, vertices, faces, _known_unit(units))
+    unit, scale = _known_unit(path, units)
+    return _Raw(path, scale * vertices, faces, unit)
 
 
 def _bodies(
@@ -206,21 +218,35 @@ def _bodies(
             "again",
             name="mesh",
         ) from error
-    return [body for body in bodies if len(body.faces)], units
+    bodies = [body for body in bodies if len(body.faces)]
+    if ending == "obj" and bodies:  # faces of one body may have several materials
+        bodies = [trimesh.util.concatenate(bodies)]
+    return bodies, units
 
 
-def _known_unit(word: Any) -> str | None:
+def _known_unit(path: Path, word: Any) -> tuple[str | None, float]:
+    """Return the unit that a file says, and what its lengths are multiplied by."""
+    if word is None:
+        return None, 1.0
     names = {
-        "millimeter": "mm",
-        "millimeters": "mm",
-        "centimeter": "cm",
-        "centimeters": "cm",
-        "meter": "m",
-        "meters": "m",
-        "inches": "inch",
+        "micron": ("mm", 1e-3),
+        "millimeter": ("mm", 1.0),
+        "centimeter": ("cm", 1.0),
+        "meter": ("m", 1.0),
+        "inch": ("inch", 1.0),
+        "foot": ("inch", 12.0),
+        "feet": ("inch", 12.0),
     }
-    word = names.get(str(word), str(word))
-    return word if word in UNITS else None
+    known = names.get(str(word).removesuffix("es").removesuffix("s"))
+    if known is None:
+        raise ConfigError(
+            f"{path.name} is in the unit {printable(str(word))[:20]!r}; known: "
+            f"{', '.join(names)}",
+            name="units",
+            value=str(word)[:20],
+            allowed=tuple(names),
+        )
+    return known
 
 
 def _require_small_archive(path: Path, content: bytes) -> None:
@@ -290,9 +316,16 @@ def _finish(raw: _Raw, units: str | None, size: float | None) -> Mesh:
         longest = own if size is None else size
         unit = guess_units(longest)
         whose = "its" if longest == own else "the other part's"
+        low, high = SIZE_RANGE
+        others = [
+            f"{1e3 * longest * length:.3g} mm if they are {word}"
+            for word, length in UNITS.items()
+            if word != unit and low <= longest * length <= high
+        ]
         notes.append(
-            f"units guessed: {unit}, as {whose} longest side is {longest:g}; if that "
-            "is wrong, give the units"
+            f"units guessed: {unit}, as {whose} longest side is {longest:g}, so "
+            f"{1e3 * longest * UNITS[unit]:.3g} mm; give the units if it is another "
+            f"({', '.join(others) or 'none other is likely'})"
         )
     side = own * UNITS[unit]
     low, high = SIZE_RANGE

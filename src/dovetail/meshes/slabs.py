@@ -125,6 +125,10 @@ def _levels(slicer: Sections, low: float, high: float) -> list[float]:
     return [*levels, high]
 
 
+def _union(slabs: list[Slab], z: float) -> Any:
+    return import_shapely().union_all([one.polygon(z) for one in slabs])
+
+
 class _Cutter:
     """Cuts one mesh into runs of heights."""
 
@@ -150,13 +154,24 @@ class _Cutter:
         near = self._tolerance.near(low, high)
         changes = [self._change(first, one, near) for one in (*inner, last)]
         middle = inner[1]
-        if max(changes) == 0 or 2.0 * half <= self._tolerance.step:
+        if 2.0 * half <= self._tolerance.step:
             return [_Run(low, high, middle, None)]
-        if max(changes) == 1 and 2.0 * half <= _FAR_STEP:
-            return [_Run(low, high, middle, None)]
-        if max(changes) == 2 and (lofts := self._lofts(first, inner, last, near)):
-            return [_Run(low, high, middle, lofts)]
+        if max(changes) == 0 or (max(changes) == 1 and 2.0 * half <= _FAR_STEP):
+            if self._keeps(low, high, near, lambda _: middle):
+                return [_Run(low, high, middle, None)]
+        elif max(changes) == 2 and (lofts := self._lofts(first, inner, last, near)):
+            led = [Slab(low, high, *one) for one in lofts]
+            if self._keeps(low, high, near, lambda z: _union(led, z)):
+                return [_Run(low, high, middle, lofts)]
         return [*self.runs(low, low + half), *self.runs(low + half, high)]
+
+    def _keeps(
+        self, low: float, high: float, near: Any, built: Callable[[float], Any]
+    ) -> bool:
+        """Say whether what is built stands for the mesh where its walls turn, too."""
+        turns = self._slicer.turns + 2e-6
+        turns = turns[(turns > low) & (turns < high)].tolist()
+        return all(self._change(built(z), self.area(z), near) < 2 for z in turns)
 
     def _lofts(
         self, first: Any, inner: list[Any], last: Any, near: Any

@@ -13,6 +13,12 @@ _SAME = 1e-6
 """Distance up to which heights are one, and up to which corners are on a line [m]."""
 _LEVEL = 0.9998
 """Least vertical part of the normal of a level face."""
+_UPRIGHT = 1e-3
+"""Largest vertical part of the normal of an upright face."""
+BAND = 1.5e-3
+"""Distance of sections that are taken where nothing tells to take more [m]."""
+_NEAR, _MOST = 2e-5, 200
+"""Distance up to which heights at which walls turn are one [m], and most of them."""
 
 
 class Sections(Protocol):
@@ -21,6 +27,11 @@ class Sections(Protocol):
     @property
     def jumps(self) -> Array:
         """Heights of level faces, lowest first [m]."""
+        ...
+
+    @property
+    def turns(self) -> Array:
+        """Heights at which walls turn, see `Slicer`, lowest first [m]."""
         ...
 
     @property
@@ -56,6 +67,10 @@ class Slicer:
         is_level = np.abs(normals[:, 2]) >= _LEVEL * np.maximum(size, 1e-30)
         self.jumps = self._jumps(self._low[is_level], size[is_level] / 2.0)
         """Heights of level faces, lowest first [m]."""
+        self.turns = self._turns(normals / np.maximum(size, 1e-30)[:, None])
+        """Heights at which a wall that rises meets one that falls, and ends of upright
+        ones that are less than 1.5 mm high, where they stand out, lowest first [m].
+        Sections further apart than that may miss what is widest there."""
         self._cache: dict[float, Any] = {}
 
     def _jumps(self, heights: Array, areas: Array) -> Array:
@@ -69,6 +84,29 @@ class Slicer:
             group, np.maximum(areas, 1e-30)
         )
         return middle[total > 1e-9]
+
+    def _turns(self, normals: Array) -> Array:
+        """Return them, given the normal of each triangle."""
+        rise = normals[:, 2]
+        way = np.where(np.abs(rise) > _UPRIGHT, np.sign(rise), 0.0)
+        is_low = (way != 0.0) | (self._high - self._low < BAND)
+        edges = np.sort(self._faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
+        keys = edges[:, 0] * len(self._vertices) + edges[:, 1]
+        order = np.argsort(keys, kind="stable")
+        first, last = order[:-1], order[1:]
+        one, other = first // 3, last // 3
+        is_turn = (keys[first] == keys[last]) & (way[one] != way[other])
+        is_turn &= is_low[one] & is_low[other]
+        at, one, other = first[is_turn], one[is_turn], other[is_turn]
+        # Of an edge that stands out, the other triangle is behind the plane of one.
+        ways = (
+            self._vertices[self._faces[other]] - self._vertices[edges[at, 0]][:, None]
+        )
+        behind = np.einsum("ijk,ik->ij", ways, normals[one]).min(axis=1) < -_SAME
+        heights = np.unique(self._vertices[edges[at[behind]], 2])
+        step = max(_NEAR, (self.high - self.low) / _MOST)
+        _, first = np.unique((heights - self.low) // step, return_index=True)
+        return heights[first]
 
     def at(self, z: float) -> Any:
         """Return the section at a height [m], as an area of shapely.

@@ -8,7 +8,7 @@ import numpy as np
 
 from dovetail.errors import ConfigError
 from dovetail.meshes.read import Mesh
-from dovetail.meshes.slices import Sections, Slicer
+from dovetail.meshes.slices import BAND, Sections, Slicer
 from dovetail.types import Array, Vec3
 from dovetail.workcell.planar import import_shapely
 
@@ -19,16 +19,20 @@ _OVERLAP = 1e-5
 _SLIVER = 5e-5
 """Width of an overlap up to which the socket is cut back [m]: two faces that CAD has in
 one place, or a press fit."""
+_SEAT = 1e-3
+"""Way before its end on which a plug may meet what ends it, such as a cone [m]."""
 _DEEP = 8e-6
 """Depth up to which level faces are in one another by rounding [m]."""
 _LIFT = 2e-4
 """Most by which a plug is lifted out of a level face [m]."""
-_SPACING = 1.5e-3
-"""Distance of heights at which sections are taken [m]."""
 _MOST = 48
 """Most heights between two level faces."""
 _APART = 3e-3
 """Gap beyond which two sections do not mate [m]."""
+_WAYS, _LOOKS = 8, 10
+"""Directions in which a plug is moved to see what stops it, and heights, and steps."""
+_BLOCKED = 1e-9
+"""Overlap that stops it [m2]."""
 AXES = {
     "-z": np.eye(3),
     "+z": np.diag([1.0, -1.0, -1.0]),
@@ -75,11 +79,13 @@ class CutBack:
     """Sections of a socket without what its plug passes."""
 
     def __init__(
-        self, socket: Sections, swept: Callable[[float], Any], end: float
+        self, socket: Sections, plug: Sections, swept: Callable[[float], Any]
     ) -> None:
-        """Take the socket's sections, and what the plug passes above its end [m]."""
-        self._socket, self._swept, self._end = socket, swept, end
-        self.low, self.high, self.jumps = socket.low, socket.high, socket.jumps
+        """Take the sections of both, and what the plug passes above its end."""
+        self._socket, self._swept, self._end = socket, swept, plug.low
+        self.low, self.high = socket.low, socket.high
+        self.jumps = np.union1d(socket.jumps, plug.jumps)
+        self.turns = np.union1d(socket.turns, plug.turns)
 
     def at(self, z: float) -> Any:
         """Return the section at a height [m], as an area of shapely."""
@@ -97,6 +103,9 @@ class Way:
         self._shapely = import_shapely()
         self.plug = Slicer(plug.vertices @ self.turn.T, plug.faces)
         self.socket: Sections = Slicer(socket.vertices @ self.turn.T, socket.faces)
+        self.pressed: Overlap | None = None
+        """Where a socket that is cut back is too narrow on the plug's way, not only at
+        its end."""
         self._plug_at = _heights(self.plug)
         self._socket_at = _heights(self.socket)
         self._swept = self._sums(self.plug, self._plug_at)
@@ -107,7 +116,8 @@ class Way:
 
     def cut_back(self) -> None:
         """Cut the socket back where the plug passes."""
-        self.socket = CutBack(self.socket, self.swept, self.plug.low)
+        self.pressed = self.overlap(_SEAT)
+        self.socket = CutBack(self.socket, self.plug, self.swept)
 
     def _sums(self, slicer: Sections, heights: Array) -> list[Any]:
         """Return the union of the first sections, of the first two, and so on."""
@@ -254,7 +264,7 @@ def along(area: Any, spacing: float) -> Array:
 
 
 def _heights(slicer: Sections) -> Array:
-    """Return heights between a mesh's level faces at which to take sections."""
+    """Return heights at which to take a mesh's sections, next to level faces, too."""
     levels = [slicer.low]
     for z in slicer.jumps.tolist():
         if levels[-1] + 3e-5 < z < slicer.high - 3e-5:
@@ -262,10 +272,12 @@ def _heights(slicer: Sections) -> Array:
     levels.append(slicer.high)
     found = []
     for a, b in pairwise(levels):
-        count = int(np.clip(np.ceil((b - a) / _SPACING), 2, _MOST))
+        count = int(np.clip(np.ceil((b - a) / BAND), 2, _MOST))
         inset = min(2e-6, (b - a) / 10.0)
         found += np.linspace(a + inset, b - inset, count).tolist()
-    return np.array(found)
+    beside = slicer.turns + 2e-6
+    beside = beside[(beside > slicer.low) & (beside < slicer.high)]
+    return np.union1d(found, beside)
 
 
 def find_way(plug: Mesh, socket: Mesh, axis: str | None = None) -> Way:
@@ -297,6 +309,7 @@ def find_way(plug: Mesh, socket: Mesh, axis: str | None = None) -> Way:
             name="mesh",
         )
     worst: Overlap | None = None
+    free = []
     for name in [axis] if axis else AXES:
         way = Way(plug, socket, name)
         overlap = way.overlap()
@@ -313,15 +326,12 @@ def find_way(plug: Mesh, socket: Mesh, axis: str | None = None) -> Way:
             overlap = None
         if overlap is None and (axis or _is_guided(way)):
             return way
-        if overlap and (worst is None or overlap.area < worst.area):
+        if overlap is None:
+            free.append(name)
+        elif worst is None or overlap.area < worst.area:
             worst = overlap
-    if worst is None:
-        raise ConfigError(
-            "plug and socket do not mate: no wall of the plug is within "
-            f"{1e3 * _APART:g} mm of the socket's beside it, along x, y or z. Export "
-            "both as they stand when assembled",
-            name="mesh",
-        )
+    if worst is None or free:
+        raise _does_not_mate(free, worst)
     raise _does_not_go_in(worst, axis)
 
 
@@ -339,12 +349,46 @@ def _noted(mesh: Mesh, note: str) -> Mesh:
 
 
 def _is_guided(way: Way) -> bool:
-    gap = way.gap()
-    return gap is not None
+    """Say whether walls on two opposite sides lead the plug.
+
+    A plug that stands beside a wall, or on a socket's top, is led to nothing.
+    """
+    if way.gap() is None:
+        return False
+    translate = import_shapely().affinity.translate
+    low, high = max(way.plug.low, way.socket.low), min(way.plug.high, way.socket.high)
+    angles = np.arange(_WAYS) * 2.0 * np.pi / _WAYS
+    blocked = np.zeros(_WAYS, bool)
+    for z in (low + (high - low) * (np.arange(_LOOKS) + 0.5) / _LOOKS).tolist():
+        own, around = way.plug.at(z), way.socket.at(z)
+        if own.is_empty or around.is_empty:
+            continue
+        for i in np.flatnonzero(~blocked).tolist():
+            steps = _APART * np.arange(1, _LOOKS + 1)[:, None] / _LOOKS
+            moves = steps * [np.cos(angles[i]), np.sin(angles[i])]
+            blocked[i] = any(
+                translate(own, x, y).intersection(around).area > _BLOCKED
+                for x, y in moves.tolist()
+            )
+    return bool((blocked & np.roll(blocked, _WAYS // 2)).any())
 
 
 def _mm(place: Array) -> list[str]:
     return [f"{1e3 * v:.4g}" for v in place]
+
+
+def _does_not_mate(free: list[str], worst: Overlap | None) -> ConfigError:
+    also = ""
+    if worst is not None:
+        place = ", ".join(_mm(worst.at))
+        also = f" Along the others it overlaps, about ({place}) mm."
+    return ConfigError(
+        f"plug and socket do not mate: the plug is free along {', '.join(free)}, and "
+        f"no two opposite walls of the socket are within {1e3 * _APART:g} mm of it to "
+        f"lead it.{also} Export both as they stand when assembled: the plug in the "
+        "socket, not on it",
+        name="mesh",
+    )
 
 
 def _does_not_go_in(overlap: Overlap, axis: str | None) -> ConfigError:

@@ -47,7 +47,7 @@ def rows(check: Check, *, is_axis_given: bool) -> list[tuple[str, str]]:
 
 def _counts(check: Check) -> dict[str, int]:
     """Return the number of convex pieces of each part, if they can be built."""
-    names = ("plug with its stalk" if check.conversion.stalk else "plug", "socket")
+    names = ("plug and what holds it" if check.conversion.stalk else "plug", "socket")
     counts = (len(part.primitives) for part in check.parts)
     return dict(zip(names, counts, strict=False))
 
@@ -58,7 +58,7 @@ def _stand_in(check: Check) -> list[tuple[str, str]]:
         return []
     what = "a stalk" if check.hold.stalk else "tips of fingers"
     span = f"z = {1e3 * stalk.low:.1f} to {1e3 * stalk.high:.1f} mm"
-    return [("in the simulation", f"held by {what} that it has, {span}")]
+    return [("in the simulation", f"{what} at {span} makes it long enough to hold")]
 
 
 def _read(mesh: Mesh) -> str:

@@ -324,7 +324,8 @@ class Loop:
             if result.flags.ended and not self._is_stopped:
                 self._is_stopped = True
                 self._problem = (
-                    f"the controller's last line ended the motion: {controller.end_text}"
+                    "the controller's last line ended the motion: "
+                    f"{controller.end_text}"
                 )
             command = torques(result.tau.tolist())
             if is_last := self._is_over():
