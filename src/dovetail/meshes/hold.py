@@ -161,9 +161,9 @@ class Hold:
             return None
         return (
             f"the plug can be held only to {1e3 * self.reach:.1f} of "
-            f"{1e3 * self.depth:.1f} mm: deeper, fingers and any stalk on its top "
-            "would meet the socket. Add a handle to the plug in CAD, or cut the "
-            "socket free around it"
+            f"{1e3 * self.depth:.1f} mm: deeper, fingers would meet the socket, and a "
+            "stalk on its top would, too, or be too thin. Add a handle to the plug in "
+            "CAD, or cut the socket free around it"
         )
 
     @property

@@ -100,12 +100,12 @@ def read_meshes(
         ConfigError: As `read_mesh`.
         MissingDependencyError: trimesh is not installed.
     """
+    both = _load(Path(plug)), _load(Path(socket))
     if Path(plug).expanduser().resolve() == Path(socket).expanduser().resolve():
         raise ConfigError(
             f"plug and socket are the same file, {Path(plug).name}; give one of each",
             name="mesh",
         )
-    both = _load(Path(plug)), _load(Path(socket))
     size = max(float(np.ptp(one.vertices, axis=0).max()) for one in both)
     first, second = (_finish(one, units, size) for one in both)
     return first, second

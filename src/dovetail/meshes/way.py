@@ -104,8 +104,7 @@ class Way:
         self.plug = Slicer(plug.vertices @ self.turn.T, plug.faces)
         self.socket: Sections = Slicer(socket.vertices @ self.turn.T, socket.faces)
         self.pressed: Overlap | None = None
-        """Where a socket that is cut back is too narrow on the plug's way, not only at
-        its end."""
+        """Overlap with a socket that is cut back before the plug's end, if any."""
         self._plug_at = _heights(self.plug)
         self._socket_at = _heights(self.socket)
         self._swept = self._sums(self.plug, self._plug_at)
@@ -402,7 +401,7 @@ def _does_not_go_in(overlap: Overlap, axis: str | None) -> ConfigError:
             value=overlap.area,
             unit="m2",
         )
-    ways = f"along {axis}" if axis else "along any axis"
+    ways = f"along {axis}" if axis else "along any axis of the files"
     return ConfigError(
         f"the plug does not go in straight {ways}: on the way it overlaps the socket "
         f"by {size}, an undercut. Give parts that go in straight, or another axis",

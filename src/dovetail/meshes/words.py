@@ -85,7 +85,8 @@ def _gap(check: Check) -> list[tuple[str, str]]:
         *([("of the pieces", ", ".join(pieces) + " mm")] if own else []),
         (
             "tightest",
-            f"{least:.3f} mm at z = {1e3 * level.z:.2f}, x = {x:.2f}, y = {y:.2f} mm",
+            f"{least:.3f} mm at z = {1e3 * level.z:.2f}, x = {x:.2f}, y = {y:.2f} mm "
+            "from the middle of the mouth",
         ),
     ]
 
