@@ -72,13 +72,9 @@ def test_a_guess_names_the_size_in_the_other_units(tmp_path):
     assert "28 mm if they are cm" in found.notes[0]
 
 
-@pytest.mark.parametrize(
-    ("unit", "longest"),
-    [("micron", 20e3), ("millimeter", 20.0), ("foot", 20.0 / 304.8)],
-)
-def test_each_unit_of_a_3mf_is_taken(tmp_path, unit, longest):
-    scaled = box(longest)
-    path, other = save(scaled, tmp_path / "a.3mf"), tmp_path / "b.3mf"
+def three_mf(body, folder, unit):
+    """Save a body as a 3MF that says this unit."""
+    path, other = save(body, folder / "mm.3mf"), folder / "unit.3mf"
     with zipfile.ZipFile(path) as archive, zipfile.ZipFile(other, "w") as new:
         for name in archive.namelist():
             text = archive.read(name)
@@ -86,8 +82,21 @@ def test_each_unit_of_a_3mf_is_taken(tmp_path, unit, longest):
                 text = re.sub(rb'unit="[a-z]*"', b'unit="%s"' % unit.encode(), text)
                 assert unit.encode() in text
             new.writestr(name, text)
-    found = read_mesh(other)
+    return other
+
+
+@pytest.mark.parametrize(
+    ("unit", "longest"),
+    [("micron", 20e3), ("millimeter", 20.0), ("foot", 20.0 / 304.8)],
+)
+def test_each_unit_of_a_3mf_is_taken(tmp_path, unit, longest):
+    found = read_mesh(three_mf(box(longest), tmp_path, unit))
     assert found.units_from == "file"
+    assert np.ptp(found.vertices[:, 0]) == pytest.approx(20e-3)
+
+
+def test_a_unit_that_is_given_is_taken_in_place_of_the_files(tmp_path):
+    found = read_mesh(three_mf(box(2.0), tmp_path, "foot"), "cm")
     assert np.ptp(found.vertices[:, 0]) == pytest.approx(20e-3)
 
 

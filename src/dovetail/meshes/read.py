@@ -20,6 +20,8 @@ from dovetail.types import Array, Vec3
 
 UNITS = {"mm": 1e-3, "cm": 1e-2, "m": 1.0, "inch": 0.0254}
 """Units of a file's lengths [m]."""
+_LENGTHS = UNITS | {"micron": 1e-6, "foot": 0.3048}
+"""The same with those that only a 3MF says [m]."""
 FORMATS = ("stl", "obj", "ply", "3mf")
 """Ends of the names of files that are read."""
 MAX_BYTES = 60_000_000
@@ -43,7 +45,7 @@ class Mesh(NamedTuple):
     faces: NDArray[np.int64]
     """Triangles, counter-clockwise from outside: indices, shape (triangles, 3)."""
     units: str
-    """Unit in which its file was read: mm, cm, m or inch."""
+    """Unit in which its file was read: mm, cm, m or inch; micron or foot of a 3MF."""
     units_from: str
     """Origin of the unit: "given", "file" or "guessed"."""
     was_closed: bool
@@ -190,8 +192,7 @@ def _load(path: Path) -> _Raw:
             f"{path.name} has a corner that is NaN or infinite; export it again",
             name="mesh",
         )
-    unit, scale = _known_unit(path, units)
-    return _Raw(path, scale * vertices, faces, unit)
+    return _Raw(path, vertices, faces, _known_unit(path, units))
 
 
 def _bodies(
@@ -224,27 +225,25 @@ def _bodies(
     return bodies, units
 
 
-def _known_unit(path: Path, word: Any) -> tuple[str | None, float]:
-    """Return the unit that a file says, and what its lengths are multiplied by."""
+def _known_unit(path: Path, word: Any) -> str | None:
+    """Return the unit that a file says."""
     if word is None:
-        return None, 1.0
+        return None
     names = {
-        "micron": ("mm", 1e-3),
-        "millimeter": ("mm", 1.0),
-        "centimeter": ("cm", 1.0),
-        "meter": ("m", 1.0),
-        "inch": ("inch", 1.0),
-        "foot": ("inch", 12.0),
-        "feet": ("inch", 12.0),
+        "millimeter": "mm",
+        "centimeter": "cm",
+        "meter": "m",
+        "inche": "inch",
+        "feet": "foot",
     }
-    known = names.get(str(word).removesuffix("es").removesuffix("s"))
-    if known is None:
+    known = names.get(str(word).removesuffix("s"), str(word).removesuffix("s"))
+    if known not in _LENGTHS:
         raise ConfigError(
             f"{path.name} is in the unit {printable(str(word))[:20]!r}; known: "
-            f"{', '.join(names)}",
+            f"{', '.join(_LENGTHS)}",
             name="units",
             value=str(word)[:20],
-            allowed=tuple(names),
+            allowed=tuple(_LENGTHS),
         )
     return known
 
@@ -327,7 +326,7 @@ def _finish(raw: _Raw, units: str | None, size: float | None) -> Mesh:
             f"{1e3 * longest * UNITS[unit]:.3g} mm; give the units if it is another "
             f"({', '.join(others) or 'none other is likely'})"
         )
-    side = own * UNITS[unit]
+    side = own * _LENGTHS[unit]
     low, high = SIZE_RANGE
     if not low <= side <= high:
         fits = [word for word, one in UNITS.items() if low <= own * one <= high]
@@ -344,7 +343,7 @@ def _finish(raw: _Raw, units: str | None, size: float | None) -> Mesh:
             unit="m",
             allowed=SIZE_RANGE,
         )
-    fixed = repair(raw.path.name, raw.vertices * UNITS[unit], raw.faces)
+    fixed = repair(raw.path.name, raw.vertices * _LENGTHS[unit], raw.faces)
     return Mesh(
         printable(raw.path.stem)[:_NAME_MAX],
         fixed.vertices,
