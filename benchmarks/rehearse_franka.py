@@ -72,9 +72,9 @@ def behave(
             target.f_star = np.append(F_STAR * signs, np.zeros(3))
             target.quat_wxyz_d = quat_multiply(turn, hold)
         state = arm.step(target)
-        if len(state.log) > 1:
-            cycles = np.maximum(np.diff(state.log[:, :1], axis=0), 1e-3)
-            yield (np.abs(np.diff(state.log[:, 15:22], axis=0)) / cycles).max(axis=0)
+        cycles = np.maximum(np.diff(state.log[:, :1], axis=0), 1e-3)
+        rates = np.abs(np.diff(state.log[:, 15:22], axis=0)) / cycles
+        yield rates.max(axis=0, initial=0.0)
 
 
 def nearer(at: np.ndarray, goal: np.ndarray, most: float) -> np.ndarray:
@@ -101,7 +101,7 @@ def rehearse(args: argparse.Namespace, shared: Shared) -> Counter[str]:
         left = steps
         while left > 0:
             done = one_motion(args, kind, left, rng, shared, early)
-            left -= max(1, done)  # one that ends at once must not go on for ever
+            left = left - done if done else 0  # else another would not begin either
             time.sleep(0.5)
     return early
 
@@ -116,7 +116,7 @@ def one_motion(
 ) -> int:
     """Print a line of one motion, and count its end; returns the steps that it took."""
     arm = make_arm(kind, realtime=args.realtime, processor=args.processor)
-    fastest, done = np.zeros(7), 0
+    fastest, done = np.zeros(7), -1  # the first is the start
     try:
         for rate in behave(arm, kind, steps, rng):
             shared.push = args.push
@@ -126,7 +126,9 @@ def one_motion(
     except ArmError as error:
         early[error.reason] += 1
         end = f"{error.reason}: {error}"
-    shared.push = 0.0
+    finally:
+        shared.push = 0.0
+        arm.close()
     found = arm.statistics()
     counts = found.get("counts", {"cycles": 0, "lost": 0, "held": 0})
     times = "/".join(f"{1e6 * t:.0f}" for t in found.get("times", {}).values())
@@ -135,8 +137,7 @@ def one_motion(
         f"{counts['held']:6d} {times:>24s}  {end}",
         flush=True,
     )
-    arm.close()
-    return done
+    return max(done, 0)
 
 
 def main() -> None:

@@ -39,7 +39,7 @@ def need(module):
     return pytest.importorskip(module, reason=f"needs {module}: {install}")
 
 
-FRANKA_SIM = "needs franka-sim, in an environment of its own: make test-franka"
+NEEDS_FRANKA_SIM = "needs franka-sim, in an environment of its own: make test-franka"
 
 
 def need_franka_sim_alone():

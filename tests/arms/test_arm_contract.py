@@ -28,7 +28,7 @@ from dovetail.plants.plant import (
 )
 from dovetail.plants.twin import load_twin, make_twin
 from dovetail.poses import Pose, quat_about_z, quat_multiply, rotation_error
-from extras import FRANKA_SIM, need, need_franka_sim_alone
+from extras import NEEDS_FRANKA_SIM, need, need_franka_sim_alone
 
 TASK = "XYZ:force A:pose BC:hold"
 TOOL_DOWN = np.array([0.0, 1.0, 0.0, 0.0])
@@ -82,7 +82,7 @@ def build_franka(task):
 def franka_sim():
     """Run franka-sim until the last test is over."""
     if not PYTHON.is_file():
-        pytest.skip(FRANKA_SIM)
+        pytest.skip(NEEDS_FRANKA_SIM)
     need_franka_sim_alone()
     if is_listening():
         pytest.skip(

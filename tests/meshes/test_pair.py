@@ -255,8 +255,7 @@ def test_a_bead_that_snaps_in_is_seen_between_two_sections(z):
         find_way(mesh(plug), mesh(socket))
 
 
-def test_a_groove_between_two_sections_costs_nothing():
-    """An O-ring's groove goes in; a wall that turns is no reason for pieces."""
+def test_a_groove_of_the_plug_is_no_undercut():
     plug = cut(
         prism(circle(6.0), -15, 20),
         cut(prism(circle(7), -8, -7), prism(circle(5), -9, -6)),
@@ -272,6 +271,14 @@ def test_a_plug_that_stands_on_its_socket_does_not_mate(area):
     socket = cut(prism(square(30), -25, 0), prism(hole, -20, 1))
     with pytest.raises(ConfigError, match="not on it"):
         find_way(mesh(prism(area, 0, 40)), mesh(socket))
+
+
+def test_a_pin_deep_in_a_tub_leads_the_plug():
+    """Of 60 mm of common height 2 mm lead it: they are looked at, too."""
+    plug = united(prism(circle(12.0), -58, 20), prism(circle(3.0), -60, -58))
+    hole = united(prism(square(60.0), -58, 1), prism(circle(3.1), -60, 1))
+    socket = cut(prism(square(80.0), -64, 0), hole)
+    assert find_way(mesh(plug), mesh(socket)).axis == "-z"
 
 
 def test_walls_that_are_too_far_away_are_not_called_an_overlap():

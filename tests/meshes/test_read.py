@@ -114,9 +114,8 @@ def test_a_body_with_two_materials_is_one(tmp_path):
 def test_a_file_without_triangles_is_no_mesh(tmp_path, content):
     path = tmp_path / "a.stl"
     path.write_bytes(content)
-    with pytest.raises(ConfigError) as error:
+    with pytest.raises(ConfigError, match=r"no triangles|no STL"):
         read_mesh(path)
-    assert "bodies" not in str(error.value)
 
 
 def test_one_file_is_not_both_parts(tmp_path):

@@ -82,7 +82,6 @@ class PieceSections:
         self._low, self._high = np.array(ends).T
         self.low, self.high = float(self._low.min()), float(self._high.max())
         self.jumps: Array = np.unique(np.append(self._low, self._high).round(9))
-        self.turns = self.jumps
         self._known: dict[float, Any] = {}
 
     def at(self, z: float) -> Any:
@@ -127,11 +126,6 @@ class Shifted(NamedTuple):
     def jumps(self) -> Array:
         """Heights of level faces [m]."""
         return self.body.jumps - self.origin[2]
-
-    @property
-    def turns(self) -> Array:
-        """Heights at which walls turn [m]."""
-        return self.body.turns - self.origin[2]
 
     @property
     def low(self) -> float:

@@ -39,6 +39,10 @@ _COARSER = (2.0, 4.0)
 """Factors by which it is coarser where there are too many pieces."""
 _PRESSED = 5e-6
 """Gap between most of the walls below which a plug is pressed in [m]."""
+_PRESS_FIT = (
+    "a press fit does not go in where parts are rigid, as in a simulation; widen the "
+    "socket in CAD"
+)
 _UNDER = 5e-3
 """Depth to which a floor is continued below the plug's end [m]."""
 _LENGTHS = 0.030, 0.110
@@ -98,16 +102,14 @@ def convert(
     stalk, hold, reasons = _stalk(own, other, depth)
     if gap.median < _PRESSED:
         reasons.append(
-            f"the gap is {1e3 * gap.median:.3f} mm between most of the walls: a press "
-            "fit does not go in where parts are rigid, as in a simulation; widen the "
-            "socket in CAD, by 0.05 mm all round or more"
+            f"the gap is {1e3 * gap.median:.3f} mm between most of the walls: "
+            f"{_PRESS_FIT}, by 0.05 mm all round or more"
         )
     elif way.pressed is not None:
         place = ", ".join(f"{1e3 * v:.4g}" for v in way.pressed.at)
         reasons.append(
             f"the plug is a little wider than the socket on its way, about ({place}) "
-            "mm: such a press fit does not go in where parts are rigid, as in a "
-            "simulation; widen the socket there in CAD, by 0.1 mm or more"
+            f"mm: {_PRESS_FIT} there, by 0.1 mm or more, or export round faces finer"
         )
     levels = np.unique([*way.plug.jumps, *way.socket.jumps])[::-1] - mouth[2]
     found = Conversion(

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from dovetail.meshes.loft import Leaning, bulges, fewer_corners, loft
-from dovetail.meshes.slices import Sections
+from dovetail.meshes.slices import Sections, TurningSections
 from dovetail.types import Array
 from dovetail.workcell.planar import import_shapely
 
@@ -65,7 +65,7 @@ class _Run(NamedTuple):
 
 
 def slabs_of(
-    slicer: Sections,
+    slicer: TurningSections,
     low: float,
     high: float,
     tolerance: Tolerance,
@@ -133,7 +133,7 @@ class _Cutter:
     """Cuts one mesh into runs of heights."""
 
     def __init__(
-        self, slicer: Sections, tolerance: Tolerance, cut: Callable[[Any], Any]
+        self, slicer: TurningSections, tolerance: Tolerance, cut: Callable[[Any], Any]
     ) -> None:
         self._slicer, self._tolerance, self._cut = slicer, tolerance, cut
         self._known: dict[float, Any] = {}
@@ -169,7 +169,7 @@ class _Cutter:
         self, low: float, high: float, near: Any, built: Callable[[float], Any]
     ) -> bool:
         """Say whether what is built stands for the mesh where its walls turn, too."""
-        turns = self._slicer.turns + 2e-6
+        turns = self._slicer.turns
         turns = turns[(turns > low) & (turns < high)].tolist()
         return all(self._change(built(z), self.area(z), near) < 2 for z in turns)
 

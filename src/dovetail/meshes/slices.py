@@ -17,6 +17,8 @@ _UPRIGHT = 1e-3
 """Largest vertical part of the normal of an upright face."""
 BAND = 1.5e-3
 """Distance of sections that are taken where nothing tells to take more [m]."""
+_BESIDE = 2e-6
+"""Distance from such a height at which a section is taken [m]."""
 _NEAR, _MOST = 2e-5, 200
 """Distance up to which heights at which walls turn are one [m], and most of them."""
 
@@ -27,11 +29,6 @@ class Sections(Protocol):
     @property
     def jumps(self) -> Array:
         """Heights of level faces, lowest first [m]."""
-        ...
-
-    @property
-    def turns(self) -> Array:
-        """Heights at which walls turn, see `Slicer`, lowest first [m]."""
         ...
 
     @property
@@ -46,6 +43,15 @@ class Sections(Protocol):
 
     def at(self, z: float) -> Any:
         """Return the section at a height [m], as an area of shapely."""
+        ...
+
+
+class TurningSections(Sections, Protocol):
+    """Sections of which it is known where they may be widest."""
+
+    @property
+    def turns(self) -> Array:
+        """Heights beside which walls turn, see `Slicer`, lowest first [m]."""
         ...
 
 
@@ -68,9 +74,9 @@ class Slicer:
         self.jumps = self._jumps(self._low[is_level], size[is_level] / 2.0)
         """Heights of level faces, lowest first [m]."""
         self.turns = self._turns(normals / np.maximum(size, 1e-30)[:, None])
-        """Heights at which a wall that rises meets one that falls, and ends of upright
-        ones that are less than 1.5 mm high, where they stand out, lowest first [m].
-        Sections further apart than that may miss what is widest there."""
+        """Heights beside which a wall that rises meets one that falls, and ends of
+        upright ones that are less than 1.5 mm high, where they stand out, lowest first
+        [m]. Sections further apart than that may miss what is widest there."""
         self._cache: dict[float, Any] = {}
 
     def _jumps(self, heights: Array, areas: Array) -> Array:
@@ -104,9 +110,10 @@ class Slicer:
         )
         behind = np.einsum("ijk,ik->ij", ways, normals[one]).min(axis=1) < -_SAME
         heights = np.unique(self._vertices[edges[at[behind]], 2])
-        step = max(_NEAR, (self.high - self.low) / _MOST)
-        _, first = np.unique((heights - self.low) // step, return_index=True)
-        return heights[first]
+        heights = _thinned(heights + _BESIDE, _NEAR)
+        if len(heights) > _MOST:
+            heights = _thinned(heights, (self.high - self.low) / _MOST)
+        return heights[(heights > self.low) & (heights < self.high)]
 
     def at(self, z: float) -> Any:
         """Return the section at a height [m], as an area of shapely.
@@ -170,6 +177,12 @@ class Slicer:
             one = one if one.is_valid else one.buffer(0.0)
             found = found.union(one) if size > 0.0 else found.difference(one)
         return found.simplify(_SAME / 2.0)
+
+
+def _thinned(heights: Array, step: float) -> Array:
+    """Return the first of the heights in each step [m]."""
+    _, first = np.unique(heights // step, return_index=True)
+    return heights[first]
 
 
 def _chains(follow: dict[int, list[int]], z: float) -> list[list[int]]:

@@ -8,7 +8,7 @@ import numpy as np
 
 from dovetail.errors import ConfigError
 from dovetail.meshes.read import Mesh
-from dovetail.meshes.slices import BAND, Sections, Slicer
+from dovetail.meshes.slices import BAND, Sections, Slicer, TurningSections
 from dovetail.types import Array, Vec3
 from dovetail.workcell.planar import import_shapely
 
@@ -29,8 +29,8 @@ _MOST = 48
 """Most heights between two level faces."""
 _APART = 3e-3
 """Gap beyond which two sections do not mate [m]."""
-_WAYS, _LOOKS = 8, 10
-"""Directions in which a plug is moved to see what stops it, and heights, and steps."""
+_WAYS, _STEPS = 8, 10
+"""Directions in which a plug is moved to see what stops it, and steps of each."""
 _BLOCKED = 1e-9
 """Overlap that stops it [m2]."""
 AXES = {
@@ -79,7 +79,10 @@ class CutBack:
     """Sections of a socket without what its plug passes."""
 
     def __init__(
-        self, socket: Sections, plug: Sections, swept: Callable[[float], Any]
+        self,
+        socket: TurningSections,
+        plug: TurningSections,
+        swept: Callable[[float], Any],
     ) -> None:
         """Take the sections of both, and what the plug passes above its end."""
         self._socket, self._swept, self._end = socket, swept, plug.low
@@ -102,7 +105,9 @@ class Way:
         self.mesh = plug
         self._shapely = import_shapely()
         self.plug = Slicer(plug.vertices @ self.turn.T, plug.faces)
-        self.socket: Sections = Slicer(socket.vertices @ self.turn.T, socket.faces)
+        self.socket: TurningSections = Slicer(
+            socket.vertices @ self.turn.T, socket.faces
+        )
         self.pressed: Overlap | None = None
         """Overlap with a socket that is cut back before the plug's end, if any."""
         self._plug_at = _heights(self.plug)
@@ -117,6 +122,14 @@ class Way:
         """Cut the socket back where the plug passes."""
         self.pressed = self.overlap(_SEAT)
         self.socket = CutBack(self.socket, self.plug, self.swept)
+
+    @property
+    def heights(self) -> Array:
+        """Heights of sections of either part where both have one, lowest first [m]."""
+        found = np.union1d(self._plug_at, self._socket_at)
+        low = max(self.plug.low, self.socket.low)
+        high = min(self.plug.high, self.socket.high)
+        return found[(found > low) & (found < high)]
 
     def _sums(self, slicer: Sections, heights: Array) -> list[Any]:
         """Return the union of the first sections, of the first two, and so on."""
@@ -262,7 +275,7 @@ def along(area: Any, spacing: float) -> Array:
     return shapely.get_coordinates(line)
 
 
-def _heights(slicer: Sections) -> Array:
+def _heights(slicer: TurningSections) -> Array:
     """Return heights at which to take a mesh's sections, next to level faces, too."""
     levels = [slicer.low]
     for z in slicer.jumps.tolist():
@@ -274,9 +287,7 @@ def _heights(slicer: Sections) -> Array:
         count = int(np.clip(np.ceil((b - a) / BAND), 2, _MOST))
         inset = min(2e-6, (b - a) / 10.0)
         found += np.linspace(a + inset, b - inset, count).tolist()
-    beside = slicer.turns + 2e-6
-    beside = beside[(beside > slicer.low) & (beside < slicer.high)]
-    return np.union1d(found, beside)
+    return np.union1d(found, slicer.turns)
 
 
 def find_way(plug: Mesh, socket: Mesh, axis: str | None = None) -> Way:
@@ -329,7 +340,7 @@ def find_way(plug: Mesh, socket: Mesh, axis: str | None = None) -> Way:
             free.append(name)
         elif worst is None or overlap.area < worst.area:
             worst = overlap
-    if worst is None or free:
+    if free or worst is None:  # without the second, worst might be None below
         raise _does_not_mate(free, worst)
     raise _does_not_go_in(worst, axis)
 
@@ -348,28 +359,29 @@ def _noted(mesh: Mesh, note: str) -> Mesh:
 
 
 def _is_guided(way: Way) -> bool:
-    """Say whether walls on two opposite sides lead the plug.
+    """Say whether the socket stops the plug in two opposite directions, sideways.
 
-    A plug that stands beside a wall, or on a socket's top, is led to nothing.
+    It does not stop one that stands beside a single wall, or on the socket's top.
     """
     if way.gap() is None:
         return False
     translate = import_shapely().affinity.translate
-    low, high = max(way.plug.low, way.socket.low), min(way.plug.high, way.socket.high)
     angles = np.arange(_WAYS) * 2.0 * np.pi / _WAYS
     blocked = np.zeros(_WAYS, bool)
-    for z in (low + (high - low) * (np.arange(_LOOKS) + 0.5) / _LOOKS).tolist():
+    steps = _APART * np.arange(1, _STEPS + 1)[:, None] / _STEPS
+    for z in way.heights.tolist():
         own, around = way.plug.at(z), way.socket.at(z)
         if own.is_empty or around.is_empty:
             continue
         for i in np.flatnonzero(~blocked).tolist():
-            steps = _APART * np.arange(1, _LOOKS + 1)[:, None] / _LOOKS
             moves = steps * [np.cos(angles[i]), np.sin(angles[i])]
             blocked[i] = any(
                 translate(own, x, y).intersection(around).area > _BLOCKED
                 for x, y in moves.tolist()
             )
-    return bool((blocked & np.roll(blocked, _WAYS // 2)).any())
+        if (blocked & np.roll(blocked, _WAYS // 2)).any():
+            return True
+    return False
 
 
 def _mm(place: Array) -> list[str]:
@@ -383,9 +395,9 @@ def _does_not_mate(free: list[str], worst: Overlap | None) -> ConfigError:
         also = f" Along the others it overlaps, about ({place}) mm."
     return ConfigError(
         f"plug and socket do not mate: the plug is free along {', '.join(free)}, and "
-        f"no two opposite walls of the socket are within {1e3 * _APART:g} mm of it to "
-        f"lead it.{also} Export both as they stand when assembled: the plug in the "
-        "socket, not on it",
+        f"walls of the socket do not stop it within {1e3 * _APART:g} mm on two "
+        f"opposite sides.{also} Export both as they stand when assembled: the plug in "
+        "the socket, not on it",
         name="mesh",
     )
 
