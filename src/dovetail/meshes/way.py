@@ -16,6 +16,8 @@ NEAR = 1.5e-3
 """Distance from the other part up to which a part is near [m]."""
 _OVERLAP = 1e-5
 """Width up to which sections overlap by rounding [m]."""
+_GRID = 1e-7
+"""Distance to which corners of united sections are rounded [m]."""
 _SLIVER = 5e-5
 """Width of an overlap up to which the socket is cut back [m]: two faces that CAD has in
 one place, or a press fit."""
@@ -133,11 +135,16 @@ class Way:
 
     def _sums(self, slicer: Sections, heights: Array) -> list[Any]:
         """Return the union of the first sections, of the first two, and so on."""
-        found, area = [], self._shapely.Polygon()
+        shapely = self._shapely
+        found, area = [], shapely.Polygon()
         for z in heights.tolist():
             section = slicer.at(z)
             if not area.covers(section):
-                area = area.union(section)
+                # On a grid: sections that differ by rounding add no corners for ever.
+                both = shapely.union(area, section, grid_size=_GRID)
+                parts = shapely.get_parts(both)
+                is_area = shapely.get_dimensions(parts) == 2  # no leftover line
+                area = shapely.multipolygons(shapely.get_parts(parts[is_area]))
             found.append(area)
         return found
 
