@@ -379,3 +379,63 @@ def test_what_is_under_a_plate_goes_out_before_it_goes_up():
     actor._steps = 100
     actor._go_out()
     assert actor.phase == "go over"
+
+
+def around(x, y, wide, deep):
+    """The corners of a rectangle about a place."""
+    return [[x + i * wide / 2, y + j * deep / 2] for i, j in CORNERS]
+
+
+CORNERS = ((1, 1), (-1, 1), (-1, -1), (1, -1))
+ROUND = {
+    "held": [{"outline": "circle 4.8", "at": [x, 0], "z": [-15, 1]} for x in (-9, 9)],
+    "fixture": [
+        {"outline": "rectangle 18 30", "cutouts": ["circle 5.3"], "at": [x, 0]}
+        for x in (-9, 9)
+    ],
+}
+BLADES = ((0, 11, 4, 8), (-11, -11, 6, 4), (11, -11, 6, 4))
+FLAT = {
+    "held": [{"outline": around(*blade), "z": [-15, 1]} for blade in BLADES],
+    "fixture": [
+        {
+            "outline": "square 50",
+            "cutouts": [around(x, y, w + 0.5, d + 0.5) for x, y, w, d in BLADES],
+        }
+    ],
+}
+
+
+@pytest.mark.parametrize("pins", [ROUND, FLAT], ids=["round", "flat"])
+def test_a_plug_with_several_pins_is_led_by_one_of_them(pins):
+    """No corner of the outline around all pins falls in; each tilt met the plate."""
+    need("shapely")
+    held = [*pins["held"], {"outline": "rectangle 34 32", "z": [1, 30]}]
+    plate = [shape | {"z": [-16, 0]} for shape in pins["fixture"]]
+    both = {"held": {"shapes": held}, "fixture": {"shapes": plate}}
+    env, core = insertion({"units": "mm", "gap": 0.25} | both)
+    found = [search(env, core, seed) for seed in range(3)]
+    env.close()
+    assert core.task.outline().is_pin
+    assert all(info["success"] for info, _ in found)
+    assert any("seat" in phases for _, phases in found)
+
+
+def test_a_plug_around_a_tongue_slides_upright_over_its_socket():
+    need("shapely")
+    shell = {"outline": "rectangle 12 6", "cutouts": ["rectangle 11 4"], "z": [-12, 1]}
+    tongue = {"outline": "rectangle 10.4 3.4", "z": [-12.5, -1]}
+    mouth = ["rectangle 12.4 6.4"]
+    fixture = [
+        {"outline": "square 40", "cutouts": mouth, "z": [-12.5, 0]},
+        {"outline": "square 40", "z": [-16, -12.5]},
+        tongue,
+    ]
+    held = [shell, {"outline": "rectangle 20 12", "z": [1, 30]}]
+    both = {"held": {"shapes": held}, "fixture": {"shapes": fixture}}
+    env, core = insertion({"units": "mm", "gap": 0.2} | both)
+    found = [search(env, core, seed) for seed in range(3)]
+    env.close()
+    assert core.task.outline().is_divided
+    assert all(info["success"] for info, _ in found)
+    assert any("wind" in phases for _, phases in found)

@@ -7,6 +7,9 @@ where the opening is, and the part is turned upright there and pushed in.
 
 A part that a list of shapes describes may have no corner that can be led so. It is
 first put down upright where the opening is believed, and pressed there for a while.
+One with several pins is led by one of them, which is small, but alone. Where walls
+stand inside the opening, as a socket's tongue does, the upright part slides over it on
+a spiral in every second try.
 
 A part that goes over a post is led the other way round: the lowest corner of its bore
 is put down outside of the post, and drawn back until it is held by the post's walls.
@@ -49,8 +52,11 @@ _PITCH = 0.004
 """Distance between two points of the path, and from one that is reached [m]."""
 _USUAL_SIZE = 0.012
 """Size of an opening from which path and drop are the settings' [m]; see `_size_of`."""
-_SHALLOW = 0.15
-"""Least drop of a corner that is in a small opening, per size [1]."""
+_SHALLOW, _SHALLOW_PIN = 0.15, 0.08
+"""Least drop of a corner that is in a small opening, per size [1]: of a part that has
+one, and of a pin, which the others hold."""
+_CROSSING = 0.05
+"""Least time in which a corner slides over an opening of its size [s]."""
 _RESPONSE = 0.1
 """Time in which a distance is made up through free air [s]."""
 _STILL = 0.003
@@ -73,7 +79,7 @@ _WIND, _WIDEST = 0.02, 0.0030
 """Speed on the spiral there [m/s], and its largest radius [m]."""
 _CLOSEST = 0.00025
 """Least distance between two turns of it [m]."""
-_SWAY, _SWAYS = 0.02, 1.7
+_SWAY, _SWAYS = 0.03, 1.7
 """Turn to both sides meanwhile [rad], and its frequency [Hz]: it may be turned."""
 _FOLLOW = 6.0
 """Gain from the distance to the spiral to speed [1/s]."""
@@ -89,7 +95,10 @@ _FAR = 0.85
 _UPRIGHT = 0.001
 """Distance from the believed opening at which an upright part goes down [m]."""
 _HOLD = 200.0
-"""Gain from that distance to f* while it is pressed there [1/s2]."""
+"""Gain from that distance to f* while it is pressed there, and from the distance to
+where a part fell in while it is pushed in [1/s2]."""
+_PULL = 0.1
+"""Way up on which an upright part is pulled out [m]: as hard as an action may."""
 _ROUNDS = 1.5
 """Rounds on which it is pressed [1]."""
 _SPREAD = 0.5 * (1.0 + math.sqrt(5.0))
@@ -135,6 +144,7 @@ class CornerSearch:
         self._env = env
         self._side = -1.0 if outline.is_post else 1.0
         """Side of the corner on which walls stop it: 1 outwards, -1 inwards."""
+        self._is_pin, self._is_divided = outline.is_pin, outline.is_divided
         self._middle = _middle_of(outline)
         """Middle of the opening, or of the post [m]."""
         line = outline.opening - self._middle
@@ -154,6 +164,8 @@ class CornerSearch:
         another arm of it than its own."""
         self._depth, self._wide = outline.depth, 2.0 * radius
         size = _size_of(line, radius)
+        self._catch = size
+        """Width in which a corner can fall in [m]."""
         share = min(1.0, size / _USUAL_SIZE)
         self._pitch = share * _PITCH
         self._radii = [share * ring for ring in self.config.rings]
@@ -166,8 +178,10 @@ class CornerSearch:
         self._unsure = 0.0
         """Depth below its believed height at which an untouched surface may lie [m]."""
         if any(held):
-            self._unsure = held.error + 0.5 * self._askew * self._wide + _DEEP
-        self._drop = min(self.config.drop, _SHALLOW * size)
+            lever = max(0.5 * self._wide, self._lever)
+            self._unsure = held.error + self._askew * lever + _DEEP
+        shallow = _SHALLOW_PIN if self._is_pin else _SHALLOW
+        self._drop = min(self.config.drop, shallow * size)
         if outline.is_post:
             sunk = _SUNK * radius * math.sin(self.config.tilt)
             self._drop = max(self._drop, min(sunk, 0.5 * self._depth))
@@ -196,7 +210,8 @@ class CornerSearch:
         top = float(env.task.fixture(0.0).corners[:, 2].max())
         self._above = max(top, 0.0) + self.config.over
         """Height of the corner above all of the fixture [m]."""
-        self._slide_speed = min(self.config.slide_speed, near_speed)
+        seen = self._catch / _CROSSING
+        self._slide_speed = min(self.config.slide_speed, near_speed, seen)
         """Speed of the slide [m/s]; a shortfall from more would count as friction."""
         most = float((self._scale[:3] / np.maximum(self._damping, 1e-9)).min())
         self._air_speed = min(self.config.speed, most)
@@ -210,6 +225,8 @@ class CornerSearch:
         """Towards the opening's corner, in the fixture's frame, as all that follows."""
         self._size = self._inward * radius
         self._part_corner = np.append(self._middle, 0.0) + self._size * self._along
+        self._lever = float(self._part_corner @ self._along)
+        """How far the corner is from the end's middle [m]."""
         self._tilt_axis = np.cross(_UP, self._along)
         self._to_walls = self._side * self._along
         """Way of the lowest corner to the walls that stop it."""
@@ -217,7 +234,7 @@ class CornerSearch:
     def _without_wedging(self, play: float) -> float:
         """Return the tilt with which the part is led in [rad], 0 in a tight fit."""
         most, c = self.config.leaning, self.config
-        until_deep = _DEEP + 0.5 * most * self._wide
+        until_deep = _DEEP + most * self._lever
         leaning = most if play > most * until_deep else 0.0
         rate = c.turn_rate if leaning > 0.0 else c.stir_rate
         self._around = 1.0 / (rate * POLICY_PERIOD)
@@ -231,7 +248,9 @@ class CornerSearch:
         """Its height, as touched [m], or as it was seen."""
         self._is_touched = False
         self._search()
-        if self._has_steps:  # any shape: perhaps no corner of it can be led
+        if self._has_steps:  # any shape: perhaps it is where it is believed
+            self._tries = 0
+            self._winds = False
             self._begin(self._lower)
 
     def __call__(self, observation: NDArray[np.float32], /) -> NDArray[np.float32]:
@@ -259,14 +278,22 @@ class CornerSearch:
         self._track: deque[Vec3] = deque(maxlen=_STUCK_STEPS + 1)
         self._friction: Vec3 = np.zeros(3)
         self._growth = 0.0
+        self._was_above = False
+        """True once an upright part that is lowered was over the surface."""
+        self._fell_in: Vec3 | None = None
+        """Where the end was when all of it was in."""
         self._turn = 0.0
         self._given: Vec3 = np.zeros(3)
 
     def _search(self) -> None:
-        """Begin at the start of a path, after the first on one beside the earlier."""
+        """Begin at the start of a path, after the first on one beside the earlier.
+
+        Where walls stand inside the opening, every second try is upright, on a spiral.
+        """
         if self._others:
             self._take_corner(self._others[self._tries % len(self._others)])
-        self._begin(self._go_over)
+        self._winds = self._is_divided and self._tries % 2 == 0
+        self._begin(self._lower if self._winds else self._go_over)
         self._level = math.inf
         """Height of the last place inside at which it stood [m]."""
         self._upright: Vec3 = np.zeros(3)
@@ -390,10 +417,18 @@ class CornerSearch:
     def _lower(self) -> tuple[Vec3, float]:
         """Go upright to where the opening is believed, and down on it."""
         c = self.config
+        self._was_above |= bool(self._end[2] > 0.5 * c.over)
+        if not self._was_above:  # it fell in, or beside the fixture: up first
+            if self._is_still(_STUCK_STEPS):
+                self._begin(self._go_out)
+            return self._shaken() + self._through_air(_PULL * _UP), 0.0
         if self._is_lowered_in():
             return self._push()
         if self._is_still(_TOUCH_STEPS) and self._end[2] < c.over:
-            self._begin(self._settle)
+            if self._winds:
+                self._surface = self._level = float(self._end[2])
+                self._step_at = np.zeros(3)
+            self._begin(self._wind if self._winds else self._settle)
         way = -self._end
         if float(np.abs(self._end[:2]).max()) > _UPRIGHT:
             way[2] = self._above - self._end[2]
@@ -493,7 +528,7 @@ class CornerSearch:
 
     def _is_seated(self) -> bool:
         """Say whether the end lies in the mouth, or its bore's corner at the post."""
-        if self._side < 0.0:
+        if self._side < 0.0 or self._is_pin:
             return self._is_still(_STILL_STEPS)
         return bool(self._end[2] - self._surface < 0.3 * _DEEP)
 
@@ -521,9 +556,10 @@ class CornerSearch:
 
     def _push(self) -> tuple[Vec3, float]:
         """Push the part in; where that does not help, go back to where it fell in."""
-        deep = self._surface - _DEEP - 0.5 * self._leaning * self._wide
+        leaning = 0.0 if self._winds else self._leaning
+        deep = self._surface - _DEEP - leaning * self._lever
         is_out = self._end[2] > deep
-        is_lost = self._leaning > 0.0 and self._corner[2] > self._surface - _LOST
+        is_lost = leaning > 0.0 and self._corner[2] > self._surface - _LOST
         wait = self._around if is_out else _PUSH_STEPS
         is_stuck = self._is_still(_STILL_STEPS) and self._steps > wait
         is_beside = self._has_steps and math.hypot(*self._end[:2]) > self._room
@@ -547,10 +583,15 @@ class CornerSearch:
         elif is_lost or is_stuck:
             self._go_back()
         elif is_out:
-            return self._stirred(), self._leaning
+            return self._stirred(), leaning
         else:
             self._turn = self._yaw  # as the opening's walls turn it
-        return self._shaken() - self.config.press * _UP, 0.0
+        back: Vec3 = np.zeros(3)
+        if self._has_steps and not is_out:  # a wide place below leads it nowhere
+            if self._fell_in is None:
+                self._fell_in = self._end
+            back = _HOLD * (self._fell_in - self._end) * _LEVEL
+        return back + self._shaken() - self.config.press * _UP, 0.0
 
     def _go_back(self) -> None:
         """Begin again where the corner fell in."""
@@ -585,14 +626,15 @@ class CornerSearch:
         """Slide upright on a spiral, at a step inside, until the part falls on."""
         c = self.config
         if self._end[2] < self._level - _FALLEN:
+            self._fell_at = self._corner * _LEVEL
             self._begin(self._push)
             return -c.press * _UP, 0.0
+        sway = 2.0 * math.pi * _SWAYS * self._steps * POLICY_PERIOD
+        self._turn = _SWAY * math.sin(sway)
         radius = math.sqrt(self._steps * POLICY_PERIOD * _WIND * self._turns / math.pi)
         if radius > _WIDEST:
             self._search()
             return c.press * _UP, 0.0
-        sway = 2.0 * math.pi * _SWAYS * self._steps * POLICY_PERIOD
-        self._turn = _SWAY * math.sin(sway)
         angle = 2.0 * math.pi * radius / self._turns
         out = np.array([math.cos(angle), math.sin(angle), 0.0])
         target = self._step_at + radius * out
@@ -603,7 +645,8 @@ class CornerSearch:
         size = float(np.linalg.norm(more))
         self._friction = more * min(1.0, c.friction / max(size, 1e-9))
         push = self._towards(velocity) + c.slide_gain * lacking + self._friction
-        return push - c.slide_press * _UP, 0.0
+        is_caught = self._is_still(_TOUCH_STEPS)  # by an edge: up, over it
+        return push + (c.press if is_caught else -c.slide_press) * _UP, 0.0
 
     def _stirred(self) -> Vec3:
         """Return a push into the opening's corner that tries all places and turns.
@@ -613,7 +656,7 @@ class CornerSearch:
         """
         c = self.config
         phase = 2.0 * math.pi * self._steps / self._around
-        if self._leaning > 0.0:
+        if self._leaning > 0.0 and not self._winds:
             self._turn = c.turn * math.sin(phase)
             return c.lean * self._to_walls - c.press * _UP
         around = c.stir * (1.0 + math.cos(phase))

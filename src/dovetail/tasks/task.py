@@ -73,6 +73,10 @@ class Outline(NamedTuple):
     corner: Array | None = None
     """Corner of the line at which walls stop a part, x y [m]; None is the farthest from
     the middle."""
+    is_pin: bool = False
+    """True if the line is the hole of one of the held part's pins: by it, it is led."""
+    is_divided: bool = False
+    """True if walls stand inside the line: no corner falls in everywhere."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,9 +1,10 @@
-"""A fixture next below its mouth: is it a post, and where do walls stop a corner?"""
+"""Two parts next below the mouth: is it a post, and where do walls stop a corner?"""
 
 from collections.abc import Sequence
 
 import numpy as np
 
+from dovetail.poses import TOOL_DOWN
 from dovetail.types import Array
 from dovetail.workcell.end_outline import hull_line, surface_points
 from dovetail.workcell.parts import Part
@@ -16,6 +17,11 @@ _INSIDE = 1e-4
 _BEYOND = 0.001
 """Distances outside of an opening at which a wall is looked for [m], up to its radius:
 where the mouth is wider than the end, its walls are farther out."""
+_GRID = 60
+"""Points to each side at which an opening is looked at for walls inside it."""
+_DIVIDED = 0.1
+"""Share of an opening filled by walls from which it is divided [1]; a chamfer, or a
+corner that is not quite round, is less."""
 _ANGLES = 72
 """Directions in which it is looked for."""
 _ENOUGH = 0.75
@@ -34,9 +40,33 @@ def sections_near_mouth(fixture: Part, depth: float) -> list[Array]:
     Returns:
         Corners of convex lines, counter-clockwise, each of shape (corners, 2) [m].
     """
-    z, found = -min(_BELOW, 0.5 * depth), []
-    for shape in fixture.primitives:
-        points = surface_points(Part(fixture.name, (shape,)))
+    return _sections(fixture, -_looked_at(depth))
+
+
+def sections_near_end(held: Part, depth: float) -> list[Array]:
+    """Return the section of each of a held part's pieces next above its end.
+
+    Args:
+        held: In the TCP's frame.
+        depth: See `sections_near_mouth`.
+
+    Returns:
+        The same, as seen from above the fixture.
+    """
+    up = np.array([0.0, 0.0, _looked_at(depth)])
+    seen = tuple(one.moved(-up, TOOL_DOWN) for one in held.primitives)
+    return _sections(Part(held.name, seen), 0.0)
+
+
+def _looked_at(depth: float) -> float:
+    return min(_BELOW, 0.5 * depth)
+
+
+def _sections(part: Part, z: float) -> list[Array]:
+    """Return the section of each of a part's pieces at a height [m]."""
+    found = []
+    for shape in part.primitives:
+        points = surface_points(Part(part.name, (shape,)))
         is_above = points[:, 2] > z
         low, high = points[~is_above], points[is_above]
         if not len(low) or not len(high):
@@ -66,6 +96,24 @@ def post_line(sections: Sequence[Array], end: Array) -> Array | None:
     return line if inside(end, line).min() > _INSIDE else None
 
 
+def is_divided(line: Array, sections: Sequence[Array]) -> bool:
+    """Say whether much of what a line encloses is filled by walls.
+
+    Args:
+        line: Convex outline of an opening or a post, counter-clockwise, shape (corners,
+            2) [m].
+        sections: Of the fixture about that opening, or of the part over that post.
+    """
+    low, high = line.min(axis=0), line.max(axis=0)
+    x, y = np.linspace(low, high, _GRID).T
+    points = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+    points = points[inside(line, points).min(axis=0) > 0.0]
+    is_wall = np.zeros(len(points), dtype=bool)
+    for section in sections:
+        is_wall |= inside(section, points).min(axis=0) >= 0.0
+    return bool(is_wall.mean() > _DIVIDED)
+
+
 def walled_corner(sections: Sequence[Array], opening: Array) -> Array:
     """Return the farthest corner of an opening that walls stop [m].
 
@@ -81,6 +129,19 @@ def walled_corner(sections: Sequence[Array], opening: Array) -> Array:
         middle = opening.mean(axis=0)
         moved = [line - middle for line in sections]
         return middle + walled_corner(moved, opening - middle)
+    walls = walls_about(opening, sections)
+    radius = np.linalg.norm(opening, axis=1)
+    is_walled = walls >= _ENOUGH * walls.max()
+    return opening[np.lexsort((walls, radius.round(5), is_walled))[-1]]
+
+
+def walls_about(opening: Array, sections: Sequence[Array]) -> Array:
+    """Return the share of directions about each corner in which walls are next [1].
+
+    Args:
+        opening: Corners of a convex line that holds 0 0, counter-clockwise.
+        sections: Of the fixture.
+    """
     angles = 2.0 * np.pi * np.arange(_ANGLES) / _ANGLES
     ways = np.stack([np.cos(angles), np.sin(angles)], axis=1)
     edge = np.roll(opening, -1, axis=0) - opening
@@ -90,14 +151,12 @@ def walled_corner(sections: Sequence[Array], opening: Array) -> Array:
     far = np.where(along > 0.0, reach / np.where(along > 0.0, along, 1.0), np.inf)
     radius = np.linalg.norm(opening, axis=1)
     is_wall = np.zeros(_ANGLES, dtype=bool)
-    for beyond in np.arange(_BEYOND, radius.max(), _BEYOND):
+    for beyond in np.arange(_BEYOND, max(radius.max(), 2.0 * _BEYOND), _BEYOND):
         points = ways * (far.min(axis=0)[:, None] + beyond)
         for line in sections:
             is_wall |= inside(line, points).min(axis=0) >= 0.0
     is_near = opening @ ways.T > _COSINE * radius[:, None]
-    walls = (is_near & is_wall).sum(axis=1) / is_near.sum(axis=1)
-    is_walled = walls >= _ENOUGH * walls.max()
-    return opening[np.lexsort((walls, radius.round(5), is_walled))[-1]]
+    return (is_near & is_wall).sum(axis=1) / is_near.sum(axis=1)
 
 
 def inside(line: Array, points: Array) -> Array:

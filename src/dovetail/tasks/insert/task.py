@@ -20,13 +20,16 @@ from dovetail.tasks.task import Goal, Outline
 from dovetail.types import Array, Vec3
 from dovetail.workcell.end_outline import end_outline
 from dovetail.workcell.near_mouth import (
+    is_divided,
     post_line,
+    sections_near_end,
     sections_near_mouth,
     walled_corner,
 )
 from dovetail.workcell.part_file import Pair, read_pair
 from dovetail.workcell.part_text import require_whole, whole_part
 from dovetail.workcell.parts import Part
+from dovetail.workcell.pins import led_pin
 from dovetail.workcell.tool import GRIP, Tool, wsg50
 from dovetail.workcell.workcell import WALLS
 
@@ -193,12 +196,32 @@ class Insert(DrawnOpening):
         if (opening := pair.opening) is not None:
             return Outline(_closed(opening), *sizes)
         sections = sections_near_mouth(fixture, pair.depth)
+        ends = sections_near_end(pair.held, pair.depth)
         post = post_line(sections, end_outline(pair.held, 0.0))
         if post is not None:
-            return Outline(_closed(post), *sizes, is_straight=False, is_post=True)
+            return Outline(
+                _closed(post),
+                *sizes,
+                is_straight=False,
+                is_post=True,
+                is_divided=is_divided(post, ends),
+            )
+        if (pin := led_pin(ends, sections, pair.gap)) is not None:
+            return Outline(
+                _closed(pin.hole),
+                *sizes,
+                is_straight=False,
+                corner=pin.corner,
+                is_pin=True,
+            )
         opening = end_outline(pair.held, pair.gap)
-        corner = walled_corner(sections, opening)
-        return Outline(_closed(opening), *sizes, is_straight=False, corner=corner)
+        return Outline(
+            _closed(opening),
+            *sizes,
+            is_straight=False,
+            corner=walled_corner(sections, opening),
+            is_divided=is_divided(opening, sections),
+        )
 
     @property
     def _pair(self) -> Pair:

@@ -1,0 +1,85 @@
+"""Pins of a held part: which of them is led into its hole, so that all go in."""
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from dovetail.types import Array
+from dovetail.workcell.end_outline import hull_line
+from dovetail.workcell.near_mouth import inside, walls_about
+from dovetail.workcell.outline import moved_corners
+
+_SAME = 1e-6
+"""Distance up to which two pieces touch, or two corners are one [m]."""
+_ALONE = 0.0005
+"""How much farther out than all other pins a corner is that is led [m]: the part is
+tilted towards it, so that it alone touches."""
+_WALLED = 0.5
+"""Share of walls about a corner from which they stop it [1]."""
+
+
+class Pin(NamedTuple):
+    """One of several pins of a held part, by which it is led."""
+
+    hole: Array
+    """Convex outline of its hole, counter-clockwise, shape (corners, 2) [m]."""
+    corner: Array
+    """Corner of the hole at which walls stop it, x y [m]."""
+
+
+def led_pin(ends: Sequence[Array], fixture: Sequence[Array], gap: float) -> Pin | None:
+    """Return the one of several pins by which a part is led; None where it has none.
+
+    It has a corner that is lowest when the part is tilted towards it, and that walls
+    stop. Of several it is the widest, then the one with most walls, then the farthest
+    out.
+
+    Args:
+        ends: Sections of the held part, see `sections_near_end`.
+        fixture: Sections of the fixture, see `sections_near_mouth`.
+        gap: How much wider a pin's hole is on each side [m].
+    """
+    pins, found = _apart(ends), []
+    for pin in pins if len(pins) > 1 else ():
+        others = np.vstack([one for one in pins if one is not pin])
+        middle = pin.mean(axis=0)
+        hole = moved_corners(pin, gap)
+        walls = walls_about(hole - middle, [line - middle for line in fixture])
+        out = (pin - middle) / np.linalg.norm(pin - middle, axis=1, keepdims=True)
+        ahead = (pin * out).sum(axis=1) - (others @ out.T).max(axis=0)
+        width = float(inside(pin, middle[None]).min())
+        for i in np.flatnonzero((ahead > _ALONE) & (walls > _WALLED)).tolist():
+            rank = round(width, 5), float(walls[i]), round(math.hypot(*pin[i]), 5), i
+            found.append((rank, Pin(hole, hole[i])))
+    return max(found, key=lambda one: one[0])[1] if found else None
+
+
+def _apart(sections: Sequence[Array]) -> list[Array]:
+    """Return the convex outline of each group of sections that touch one another."""
+    groups: list[list[Array]] = []
+    for section in sections:
+        group, others = [section], []
+        for other in groups:
+            if any(_touch(section, one) for one in other):
+                group += other
+            else:
+                others.append(other)
+        groups = [*others, group]
+    lines = [hull_line(np.vstack(group)) for group in groups]
+    return [line for line in map(_without_doubles, lines) if len(line) > 2]
+
+
+def _without_doubles(line: Array) -> Array:
+    return line[np.linalg.norm(np.roll(line, -1, axis=0) - line, axis=1) > _SAME]
+
+
+def _touch(one: Array, other: Array) -> bool:
+    """Say whether two convex lines meet: no edge of either parts them."""
+    if (one.min(axis=0) > other.max(axis=0) + _SAME).any():
+        return False
+    if (other.min(axis=0) > one.max(axis=0) + _SAME).any():
+        return False
+    parted = inside(one, other), inside(other, one)
+    return all(bool(way.max(axis=1).min() >= -_SAME) for way in parted)
