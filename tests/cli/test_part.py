@@ -93,6 +93,32 @@ def test_the_facts_are_those_of_the_hexagon(pair):
     assert facts["hold"]["width"] == pytest.approx(1e-3 * ACROSS, abs=1e-5)
 
 
+def test_the_tightest_place_is_told_where_the_files_have_it(pair):
+    for name in ("plug.stl", "socket.stl"):
+        body = trimesh.load(name)
+        body.apply_translation([100.0, -50.0, 300.0])
+        body.export(name)
+    check("plug.stl", "socket.stl", "--out", "out")
+    gap = json.loads(Path("out/report.json").read_text())["gap"]
+    x, y, z = 1e3 * np.array(gap["at"]) - [100.0, -50.0, 300.0]
+    assert -DEPTH <= z <= 0.0
+    assert ACROSS / 2.0 - 1e-3 <= np.hypot(x, y) <= ACROSS / 2.0 * 1.2
+
+
+def test_a_part_is_named_after_its_folder(pair):
+    check("plug.stl", "socket.stl", "--out", "knob")
+    assert Insert(part="knob/part.toml").describe()[0] == "knob"
+
+
+def test_a_plug_above_its_floor_is_said_to_be(pair, capsys):
+    body = plug()
+    body.apply_translation([0.0, 0.0, 1.5])
+    body.export("plug.stl")
+    check("plug.stl", "socket.stl", "--out", "out")
+    said = " ".join(capsys.readouterr().out.split())
+    assert "18.50 mm below the mouth, 1.50 mm above" in said
+
+
 def test_the_report_needs_no_other_file(pair):
     check("plug.stl", "socket.stl", "--out", "out")
     page = Path("out/report.html").read_text()

@@ -36,7 +36,8 @@ class PartCheck:
     density: Annotated[float, Range(1.0, 25000.0, "kg/m3")] = 1200.0
     """Density of the plug [kg/m3]. Default a printed plastic."""
     out: Path | None = None
-    """Folder for part.toml and the report, new or empty; default one by the time."""
+    """Folder for part.toml and the report, new or empty; default one by the time. Its
+    name is the part's."""
 
     def run(self, console: Console) -> int:
         """Check the pair; 1 where it cannot be trained."""
@@ -65,14 +66,17 @@ class PartCheck:
         from dovetail.meshes.check import check_pair
         from dovetail.meshes.pair import convert
         from dovetail.meshes.part_folder import write_part
-        from dovetail.meshes.read import read_meshes
+        from dovetail.meshes.read import read_meshes, short_name
         from dovetail.meshes.report import to_html, to_json
         from dovetail.meshes.words import rows
 
         begin("read")
         meshes = read_meshes(self.plug, self.socket, self.units)
         begin("cut into convex pieces")
-        found = convert(*meshes, axis=self.axis, density=self.density)
+        name = (
+            short_name(folder.absolute().name) if self.out else ""
+        )  # by the time says nothing
+        found = convert(*meshes, axis=self.axis, density=self.density, name=name)
         check = check_pair(found, begin)
         facts = rows(check, is_axis_given=self.axis is not None)
         page = to_html(check, facts, _next(folder), begin)

@@ -90,3 +90,7 @@ class Conversion:
     def in_part(self, mesh: Mesh) -> Mesh:
         """Return a mesh in the part's frame."""
         return mesh._replace(vertices=mesh.vertices @ self.turn.T - self.mouth)
+
+    def in_files(self, point: Vec3) -> Vec3:
+        """Return a place of the part's frame in the files' axes [m]."""
+        return self.turn.T @ (point + self.mouth)

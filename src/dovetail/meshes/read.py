@@ -345,7 +345,7 @@ def _finish(raw: _Raw, units: str | None, size: float | None) -> Mesh:
         )
     fixed = repair(raw.path.name, raw.vertices * _LENGTHS[unit], raw.faces)
     return Mesh(
-        printable(raw.path.stem)[:_NAME_MAX],
+        short_name(raw.path.stem),
         fixed.vertices,
         fixed.faces,
         unit,
@@ -353,3 +353,8 @@ def _finish(raw: _Raw, units: str | None, size: float | None) -> Mesh:
         fixed.was_closed,
         (*notes, *fixed.notes),
     )
+
+
+def short_name(text: str) -> str:
+    """Return a text as a part may be named: one line, up to 40 characters."""
+    return printable(text)[:_NAME_MAX]

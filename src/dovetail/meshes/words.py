@@ -5,10 +5,16 @@ from typing import Any
 import numpy as np
 
 from dovetail.meshes.check import Check
+from dovetail.meshes.conversion import Conversion
 from dovetail.meshes.exactness import REACH, Exactness
+from dovetail.meshes.gaps import Gaps
 from dovetail.meshes.hold import Hold
 from dovetail.meshes.read import Mesh
+from dovetail.types import Vec3
 from dovetail.workcell.planar import import_shapely
+
+_RESTING = 5e-5
+"""Way to what stops a plug up to which it rests there [m]."""
 
 
 def rows(check: Check, *, is_axis_given: bool) -> list[tuple[str, str]]:
@@ -32,7 +38,7 @@ def rows(check: Check, *, is_axis_given: bool) -> list[tuple[str, str]]:
         ("mass of the plug", f"{1e3 * body.mass:.3g} g at {pair.density:g} kg/m3"),
         ("its inertia", " ".join(f"{m:.3g}" for m in moments) + " g mm2, principal"),
         ("way in", f"along {pair.axis} of the files, {found}; {end}"),
-        ("depth", f"{1e3 * pair.depth:.2f} mm below the mouth"),
+        ("depth", f"{1e3 * pair.depth:.2f} mm below the mouth{_higher(pair)}"),
         *_gap(check),
         (
             "convex pieces",
@@ -43,6 +49,14 @@ def rows(check: Check, *, is_axis_given: bool) -> list[tuple[str, str]]:
         *_hold(check.hold),
         *_stand_in(check),
     ]
+
+
+def _higher(pair: Conversion) -> str:
+    """Say how far above what stops it the plug stands, where that is not next to it."""
+    way = pair.exactness.stop_mesh if pair.exactness else None
+    if way is None or way < _RESTING:
+        return ""
+    return f", {1e3 * way:.2f} mm above where the socket stops it"
 
 
 def _counts(check: Check) -> dict[str, int]:
@@ -58,7 +72,10 @@ def _stand_in(check: Check) -> list[tuple[str, str]]:
         return []
     what = "a stalk" if check.hold.stalk else "tips of fingers"
     span = f"z = {1e3 * stalk.low:.1f} to {1e3 * stalk.high:.1f} mm"
-    return [("in the simulation", f"{what} at {span} makes it long enough to hold")]
+    mass = f"{1e3 * check.conversion.mass:.3g} g in all"
+    return [
+        ("in the simulation", f"{what} at {span} makes it long enough to hold; {mass}")
+    ]
 
 
 def _read(mesh: Mesh) -> str:
@@ -76,7 +93,7 @@ def _gap(check: Check) -> list[tuple[str, str]]:
         return [("gap", "none: the plug faces no wall of the socket within 3 mm")]
     quartiles = ", ".join(f"{1e3 * q:.3f}" for q in check.clearance.quartiles)
     level, at = check.clearance.tightest
-    x, y = 1e3 * level.points[at]
+    x, y, z = 1e3 * _place(check.conversion, level, at)
     least = 1e3 * float(level.gaps[at])
     own = check.pieces if check.pieces and check.pieces.is_measured else None
     pieces = [f"{1e3 * q:.3f}" for q in own.quartiles] if own else []
@@ -85,10 +102,15 @@ def _gap(check: Check) -> list[tuple[str, str]]:
         *([("of the pieces", ", ".join(pieces) + " mm")] if own else []),
         (
             "tightest",
-            f"{least:.3f} mm at z = {1e3 * level.z:.2f}, x = {x:.2f}, y = {y:.2f} mm "
-            "from the middle of the mouth",
+            f"{least:.3f} mm, {-1e3 * level.z:.2f} mm below the mouth, at ({x:.2f}, "
+            f"{y:.2f}, {z:.2f}) mm of the files",
         ),
     ]
+
+
+def _place(pair: Conversion, level: Gaps, at: int) -> Vec3:
+    """Return the place of a gap in the files' axes [m]."""
+    return pair.in_files(np.append(level.points[at], level.z))
 
 
 def _exact(exact: Exactness) -> str:
@@ -163,7 +185,7 @@ def numbers(check: Check) -> dict[str, Any]:
             "quartiles": list(check.clearance.quartiles) if is_measured else None,
             "pieces": list(own.quartiles) if own else None,
             "least": float(level.gaps[at]) if level else None,
-            "at": [*level.points[at].tolist(), level.z] if level else None,
+            "at": _place(pair, level, at).tolist() if level else None,
         },
         "pieces": _counts(check),
         "exactness": exact._asdict() | {"stop_error": exact.stop_error}

@@ -226,7 +226,7 @@ class CornerSearch:
         self._size = self._inward * radius
         self._part_corner = np.append(self._middle, 0.0) + self._size * self._along
         self._lever = float(self._part_corner @ self._along)
-        """How far the corner is from the end's middle [m]."""
+        """Distance of the corner from the end's middle [m]."""
         self._tilt_axis = np.cross(_UP, self._along)
         self._to_walls = self._side * self._along
         """Way of the lowest corner to the walls that stop it."""
@@ -281,7 +281,7 @@ class CornerSearch:
         self._was_above = False
         """True once an upright part that is lowered was over the surface."""
         self._fell_in: Vec3 | None = None
-        """Where the end was when all of it was in."""
+        """Place of the end when all of it was in [m]."""
         self._turn = 0.0
         self._given: Vec3 = np.zeros(3)
 

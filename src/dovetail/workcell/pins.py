@@ -14,8 +14,8 @@ from dovetail.workcell.outline import moved_corners
 _SAME = 1e-6
 """Distance up to which two pieces touch, or two corners are one [m]."""
 _ALONE = 0.0005
-"""How much farther out than all other pins a corner is that is led [m]: the part is
-tilted towards it, so that it alone touches."""
+"""Least distance by which a corner that is led is farther out than all other pins [m]:
+tilted towards it, the part touches with it alone."""
 _WALLED = 0.5
 """Share of walls about a corner from which they stop it [1]."""
 
