@@ -10,6 +10,7 @@ import argparse
 from pathlib import Path
 
 from dovetail import generate_parts
+from dovetail.tasks.insert.generated import KINDS
 
 
 def main() -> None:
@@ -18,10 +19,12 @@ def main() -> None:
     parser.add_argument("folder", type=Path, nargs="?", default=Path("pairs"))
     parser.add_argument("--count", type=int, default=50, help="how many")
     parser.add_argument("--seed", type=int, default=0, help="of everything random")
+    parser.add_argument("--kinds", help="drawn in turn, A,B; left out, ten kinds")
     parser.add_argument("--quick", action="store_true", help="three pairs only")
     given = parser.parse_args()
     count = 3 if given.quick else given.count
-    for file in generate_parts(given.folder, count, given.seed):
+    kinds = given.kinds.split(",") if given.kinds else KINDS
+    for file in generate_parts(given.folder, count, given.seed, kinds):
         print(file)
 
 

@@ -2,7 +2,7 @@
 
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +19,8 @@ KINDS = (
 )
 """Kinds of pairs, drawn in turn; a step is a wide section above a narrow one, a cap
 goes over a post."""
+PINS = "pins"
+"""A further kind, a plug with two to four pins; the shipped policy never saw one."""
 COUNT_MAX = 10_000
 """Most pairs of one folder."""
 _STREAM = 0x9A125
@@ -33,42 +35,55 @@ _ABOVE, _WALL = (
     (4.0, 40.0),
 )  # [mm] of the plug above the socket, around it
 _STEPS = ("circle", "square", "hexagon")
+_PIN_COUNTS, _PIN_SHARE = (2, 5), (0.18, 0.3)
+"""Pins of a plug, below the last; radius of each over that around all [1]."""
+_ROUND = 32
+"""Corners of a round hole."""
 _ROOF = 1.0  # [mm] of a cap's bore over the post that is in it
 _BASE = 8.0  # [mm] of the plate under a post
 _ARC = math.radians(15.0)
 """Angle of a chord of an arc."""
 
 
-def generate_parts(folder: Path, count: int, seed: int = 0) -> list[Path]:
+def generate_parts(
+    folder: Path, count: int, seed: int = 0, kinds: Sequence[str] = KINDS
+) -> list[Path]:
     """Write pairs into a folder, each a file of its own.
 
     Args:
         folder: New or empty.
         count: How many, 1 and more.
         seed: Pair number i of a seed is the same for any count.
+        kinds: Drawn in turn, of `KINDS` and `PINS`.
 
     Returns:
         The files, in order.
 
     Raises:
-        ConfigError: A number out of range, or the folder is there and not empty.
+        ConfigError: A number out of range, an unknown kind, or the folder is there and
+            not empty.
         LogError: The disk is full.
     """
     in_count("count", count, 1, COUNT_MAX, "pairs")
     in_count("seed", seed, 0, 2**31 - 1, "(2^31 - 1)")
+    known = *KINDS, PINS
+    if not kinds or set(kinds) - set(known):
+        raise ConfigError(
+            f"kinds are {', '.join(kinds) or 'none'}; known: {', '.join(known)}",
+            name="kinds",
+        )
     folder = claim_output_folder(folder)
     files = []
     for index in range(count):
-        text = draw_pair(seed, index)
-        kind = KINDS[index % len(KINDS)]
+        kind = kinds[index % len(kinds)]
+        text = draw_pair(seed, index, kind)
         files.append(write_atomic(folder / f"{index:03d}_{kind}.toml", text))
     return files
 
 
-def draw_pair(seed: int, index: int) -> str:
+def draw_pair(seed: int, index: int, kind: str) -> str:
     """Return the text of a `part.toml` that `Insert` accepts."""
     rng = np.random.default_rng([_STREAM, seed, index])
-    kind = KINDS[index % len(KINDS)]
     for _ in range(_DRAWS):
         table = {"name": f"{kind} {seed}-{index}", **_draw(rng, kind)}
         try:
@@ -90,6 +105,8 @@ def _draw(rng: np.random.Generator, kind: str) -> dict[str, Any]:
         return _step(rng, (radius, depth, gap, above, block), is_through=is_through)
     if kind == "cap":
         return _cap(rng, radius, depth, gap, above)
+    if kind == PINS:
+        return _pins(rng, radius, depth, gap, above)
     is_sharp = rng.random() < 0.3
     chamfer = 0.0 if is_sharp else min(_between(rng, _CHAMFER), depth / 3.0)
     return {
@@ -158,6 +175,45 @@ def _cap(
                 {"outline": f"square {side}", "z": [low - _BASE, low]},
             ]
         },
+    }
+
+
+def _pins(
+    rng: np.random.Generator, radius: float, depth: float, gap: float, above: float
+) -> dict[str, Any]:
+    """Draw a plug with several pins, all in mm; `radius` is around the pins."""
+    count = int(rng.integers(*_PIN_COUNTS))
+    own = radius * _between(rng, _PIN_SHARE)
+    low = -round(min(depth, _SLENDEREST * own), 2)
+    turn = rng.uniform(0.0, 2.0 * np.pi) + rng.uniform(-0.2, 0.2, count)
+    angles = 2.0 * np.pi * np.arange(count) / count + turn
+    out = (radius - own) * rng.uniform(0.8, 1.0, count)
+    places = np.stack([out * np.cos(angles), out * np.sin(angles)], axis=1)
+    if rng.random() < 0.5:
+        word, sides = f"circle {2.0 * own:.2f}", _ROUND
+    else:
+        word, sides = f"square {2.0 * own / math.sqrt(2.0):.2f}", 4
+    half = float(word.split()[1]) / 2.0 + gap  # from a hole's middle to its sides
+    corner = np.pi * (2.0 * np.arange(sides) + 1.0) / sides
+    hole = np.stack([np.cos(corner), np.sin(corner)], axis=1)
+    hole *= half / math.cos(math.pi / sides)
+    side = f"square {2.0 * (radius + _between(rng, _WALL)):.1f}"
+    pins = [
+        {"outline": word, "at": np.round(at, 3).tolist(), "z": [low, 1.0]}
+        for at in places
+    ]
+    body = {
+        "outline": f"circle {2.0 * radius + 2.0:.2f}",
+        "z": [1.0, round(max(above, 30.0), 2)],
+    }
+    holes = [np.round(np.round(at, 3) + hole, 3).tolist() for at in places]
+    plate = {"outline": side, "cutouts": holes, "z": [low, 0.0]}
+    floor = {"outline": side, "z": [low - _BASE, low]}
+    return {
+        "units": "mm",
+        "gap": round(gap, 3),
+        "held": {"shapes": [*pins, body]},
+        "fixture": {"shapes": [plate, floor]},
     }
 
 
