@@ -10,7 +10,8 @@ import argparse
 from pathlib import Path
 
 from dovetail import generate_parts
-from dovetail.tasks.insert.generated import KINDS
+from dovetail.errors import DovetailError
+from dovetail.tasks.insert.generated import KINDS, PINS
 
 
 def main() -> None:
@@ -19,12 +20,22 @@ def main() -> None:
     parser.add_argument("folder", type=Path, nargs="?", default=Path("pairs"))
     parser.add_argument("--count", type=int, default=50, help="how many")
     parser.add_argument("--seed", type=int, default=0, help="of everything random")
-    parser.add_argument("--kinds", help="drawn in turn, A,B; left out, ten kinds")
+    parser.add_argument(
+        "--kinds",
+        help=f"drawn in turn, A,B, of {', '.join((*KINDS, PINS))}; left out, all but "
+        "the last",
+    )
     parser.add_argument("--quick", action="store_true", help="three pairs only")
     given = parser.parse_args()
     count = 3 if given.quick else given.count
-    kinds = given.kinds.split(",") if given.kinds else KINDS
-    for file in generate_parts(given.folder, count, given.seed, kinds):
+    words = given.kinds.split(",") if given.kinds else KINDS
+    try:
+        files = generate_parts(
+            given.folder, count, given.seed, [word.strip() for word in words]
+        )
+    except DovetailError as error:
+        parser.error(str(error))
+    for file in files:
         print(file)
 
 

@@ -74,7 +74,7 @@ class PartCheck:
         meshes = read_meshes(self.plug, self.socket, self.units)
         begin("cut into convex pieces")
         name = (
-            short_name(folder.absolute().name) if self.out else ""
+            short_name(folder.resolve().name) if self.out else ""
         )  # by the time says nothing
         found = convert(*meshes, axis=self.axis, density=self.density, name=name)
         check = check_pair(found, begin)

@@ -39,6 +39,7 @@ from dovetail.poses import (
 from dovetail.search.corner_config import CornerSearchConfig
 from dovetail.tasks.task import Outline
 from dovetail.types import Array, Mat33, Vec3
+from dovetail.workcell.outline import area_centre
 from dovetail.workcell.sections import is_convex
 
 SEARCH_AXES = "XYZ:force ABC:pose"
@@ -92,7 +93,7 @@ _BESIDE_MIDDLE = 0.5
 """Share of the room about an opening's middle from which 0 0 is no middle of it [1]."""
 _FAR = 0.85
 """Least distance from the middle of a corner that is tried, per the farthest's [1]."""
-_UPRIGHT = 0.001
+_UPRIGHT = 0.002
 """Distance from the believed opening at which an upright part goes down [m]."""
 _HOLD = 200.0
 """Gain from that distance to f* while it is pressed there, and from the distance to
@@ -156,13 +157,13 @@ class CornerSearch:
         if corner is None:
             farthest = max(line, key=lambda point: float(point @ point))
             corner = self._middle + farthest
+        self._depth, self._wide = outline.depth, 2.0 * radius
         self._take_corner(corner)
         is_notched = not is_convex(outline.opening[:-1])
         far = _far_corners(line, radius) if is_notched else []
         self._others = [self._middle + one for one in far]
         """Corners that are tried in turn: what falls into a notched opening may lie in
         another arm of it than its own."""
-        self._depth, self._wide = outline.depth, 2.0 * radius
         size = _size_of(line, radius)
         self._catch = size
         """Width in which a corner can fall in [m]."""
@@ -178,7 +179,7 @@ class CornerSearch:
         self._unsure = 0.0
         """Depth below its believed height at which an untouched surface may lie [m]."""
         if any(held):
-            lever = max(0.5 * self._wide, self._lever)
+            lever = max(0.5 * self._wide, float(np.linalg.norm(self._part_corner)))
             self._unsure = held.error + self._askew * lever + _DEEP
         shallow = _SHALLOW_PIN if self._is_pin else _SHALLOW
         self._drop = min(self.config.drop, shallow * size)
@@ -225,8 +226,9 @@ class CornerSearch:
         """Towards the opening's corner, in the fixture's frame, as all that follows."""
         self._size = self._inward * radius
         self._part_corner = np.append(self._middle, 0.0) + self._size * self._along
-        self._lever = float(self._part_corner @ self._along)
-        """Distance of the corner from the end's middle [m]."""
+        ahead = float(self._part_corner @ self._along)
+        self._lever = max(ahead, self._size) if self._is_pin else 0.5 * self._wide
+        """Height per tilt of the end's middle over the corner, in the mouth [m]."""
         self._tilt_axis = np.cross(_UP, self._along)
         self._to_walls = self._side * self._along
         """Way of the lowest corner to the walls that stop it."""
@@ -243,7 +245,7 @@ class CornerSearch:
 
     def reset(self) -> None:
         """Begin anew."""
-        self._tries = 0
+        self._tries = self._steps_met = 0
         self._surface = 0.0
         """Its height, as touched [m], or as it was seen."""
         self._is_touched = False
@@ -424,7 +426,8 @@ class CornerSearch:
             return self._shaken() + self._through_air(_PULL * _UP), 0.0
         if self._is_lowered_in():
             return self._push()
-        if self._is_still(_TOUCH_STEPS) and self._end[2] < c.over:
+        is_low = self._end[2] < c.over and self._is_still(_TOUCH_STEPS)
+        if is_low or self._is_still(_STUCK_STEPS):
             if self._winds:
                 self._surface = self._level = float(self._end[2])
                 self._step_at = np.zeros(3)
@@ -459,6 +462,7 @@ class CornerSearch:
     def _go_out(self) -> tuple[Vec3, float]:
         """Go level away from the fixture, for a time."""
         if self._steps > _OUT_STEPS:
+            self._winds = False
             self._begin(self._go_over)
         away = self._end * _LEVEL
         speed = self._slide_speed / max(float(np.linalg.norm(away)), 1e-9)
@@ -533,7 +537,7 @@ class CornerSearch:
         return bool(self._end[2] - self._surface < 0.3 * _DEEP)
 
     def _cross(self) -> None:
-        """Begin again beside the way on which the corner came through the opening.
+        """Begin again, led beside the way on which the corner came through the opening.
 
         It went along a chord, on whose perpendicular through the middle lies the
         opening's middle, to the one side or the other.
@@ -568,8 +572,9 @@ class CornerSearch:
         elif is_stuck and self._is_at_step():
             self._level = float(self._end[2])
             # In turn about where it is believed, and about where the part stands.
-            is_here = self._tries % 2 == 0
+            is_here = self._steps_met % 2 == 1
             self._step_at = self._end * _LEVEL if is_here else np.zeros(3)
+            self._steps_met += 1
             self._begin(self._wind)
             return self._wind()
         elif is_stuck and not is_out and self._askew > 0.0:
@@ -722,9 +727,7 @@ def _middle_of(outline: Outline) -> Array:
     then it is the centre of its area.
     """
     line = outline.opening
-    a, b = line[:-1], line[1:]
-    area = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
-    centre = ((a + b) * area[:, None]).sum(axis=0) / (3.0 * area.sum())
+    centre = area_centre(line[:-1])
     own, most = float(_rooms(line).min()), float(_rooms(line - centre).min())
     is_beside = own < min(_BESIDE_MIDDLE * most, most)
     return centre if outline.is_post or is_beside else np.zeros(2)

@@ -12,6 +12,8 @@ from dovetail.workcell.parts import Part
 _BELOW = 0.003
 """Depth below the mouth at which the fixture is looked at [m], or half of the way: a
 chamfer ends above."""
+_TIP = 0.0003
+"""Least height above the held part's end at which it is looked at [m]."""
 _INSIDE = 1e-4
 """Distance by which all of a post lies inside the held part's end at least [m]."""
 _BEYOND = 0.001
@@ -48,12 +50,12 @@ def sections_near_end(held: Part, depth: float) -> list[Array]:
 
     Args:
         held: In the TCP's frame.
-        depth: See `sections_near_mouth`.
+        depth: See `sections_near_mouth`; 0 is at the very end.
 
     Returns:
         The same, as seen from above the fixture.
     """
-    up = np.array([0.0, 0.0, _looked_at(depth)])
+    up = np.array([0.0, 0.0, max(_looked_at(depth), _TIP)])
     seen = tuple(one.moved(-up, TOOL_DOWN) for one in held.primitives)
     return _sections(Part(held.name, seen), 0.0)
 

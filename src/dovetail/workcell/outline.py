@@ -228,6 +228,13 @@ def signed_area(line: Array) -> float:
     return float(np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y)) / 2.0
 
 
+def area_centre(line: Array) -> Array:
+    """Return the centre of the area inside a closed line [m], shape (2,)."""
+    after = np.roll(line, -1, axis=0)
+    area = line[:, 0] * after[:, 1] - line[:, 1] * after[:, 0]
+    return ((line + after) * area[:, None]).sum(axis=0) / (3.0 * area.sum())
+
+
 def _find_crossing(line: Array) -> tuple[int, int, tuple[float, float]] | None:
     """Return two edges that meet where they are no neighbours, and where."""
     count = len(line)

@@ -9,7 +9,7 @@ import numpy as np
 from dovetail.types import Array
 from dovetail.workcell.end_outline import hull_line
 from dovetail.workcell.near_mouth import inside, walls_about
-from dovetail.workcell.outline import moved_corners
+from dovetail.workcell.outline import area_centre, moved_corners
 
 _SAME = 1e-6
 """Distance up to which two pieces touch, or two corners are one [m]."""
@@ -29,23 +29,30 @@ class Pin(NamedTuple):
     """Corner of the hole at which walls stop it, x y [m]."""
 
 
-def led_pin(ends: Sequence[Array], fixture: Sequence[Array], gap: float) -> Pin | None:
+def led_pin(
+    pins: Sequence[Array],
+    tips: Sequence[Array],
+    fixture: Sequence[Array],
+    gap: float,
+) -> Pin | None:
     """Return the one of several pins by which a part is led; None where it has none.
 
-    It has a corner that is lowest when the part is tilted towards it, and that walls
-    stop. Of several it is the widest, then the one with most walls, then the farthest
-    out.
+    It reaches down to the part's end, and has a corner that is lowest when the part is
+    tilted towards it, and that walls stop. Of several it is the widest, then the one
+    with most walls, then the farthest out.
 
     Args:
-        ends: Sections of the held part, see `sections_near_end`.
+        pins: Sections of the held part, see `sections_near_end`.
+        tips: The same at its very end: shorter pins are not in them.
         fixture: Sections of the fixture, see `sections_near_mouth`.
         gap: How much wider a pin's hole is on each side [m].
     """
-    pins, found = _apart(ends), []
-    for pin in pins if len(pins) > 1 else ():
-        others = np.vstack([one for one in pins if one is not pin])
-        middle = pin.mean(axis=0)
-        hole = moved_corners(pin, gap)
+    apart, found = _apart(pins), []
+    for pin in apart if len(apart) > 1 else ():
+        if not any(_touch(pin, tip) for tip in tips):
+            continue
+        others = np.vstack([one for one in apart if one is not pin])
+        middle, hole = area_centre(pin), moved_corners(pin, gap)
         walls = walls_about(hole - middle, [line - middle for line in fixture])
         out = (pin - middle) / np.linalg.norm(pin - middle, axis=1, keepdims=True)
         ahead = (pin * out).sum(axis=1) - (others @ out.T).max(axis=0)
@@ -57,18 +64,29 @@ def led_pin(ends: Sequence[Array], fixture: Sequence[Array], gap: float) -> Pin 
 
 
 def _apart(sections: Sequence[Array]) -> list[Array]:
-    """Return the convex outline of each group of sections that touch one another."""
+    """Return convex outlines that are apart from one another.
+
+    Sections that touch become one outline; so does what such an outline holds, as a
+    shell holds its contacts.
+    """
+    lines = [line for line in map(_without_doubles, sections) if len(line) > 2]
+    while len(merged := _merged(lines)) < len(lines):
+        lines = merged
+    return lines
+
+
+def _merged(lines: Sequence[Array]) -> list[Array]:
+    """Return the outline around each group of lines that touch one another."""
     groups: list[list[Array]] = []
-    for section in sections:
-        group, others = [section], []
+    for line in lines:
+        group, others = [line], []
         for other in groups:
-            if any(_touch(section, one) for one in other):
+            if any(_touch(line, one) for one in other):
                 group += other
             else:
                 others.append(other)
         groups = [*others, group]
-    lines = [hull_line(np.vstack(group)) for group in groups]
-    return [line for line in map(_without_doubles, lines) if len(line) > 2]
+    return [_without_doubles(hull_line(np.vstack(group))) for group in groups]
 
 
 def _without_doubles(line: Array) -> Array:

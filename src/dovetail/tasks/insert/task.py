@@ -206,7 +206,8 @@ class Insert(DrawnOpening):
                 is_post=True,
                 is_divided=is_divided(post, ends),
             )
-        if (pin := led_pin(ends, sections, pair.gap)) is not None:
+        tips = sections_near_end(pair.held, 0.0)
+        if (pin := led_pin(ends, tips, sections, pair.gap)) is not None:
             return Outline(
                 _closed(pin.hole),
                 *sizes,
