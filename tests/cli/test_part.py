@@ -72,7 +72,8 @@ def test_a_hexagon_becomes_a_part_that_the_task_takes(pair, capsys):
     assert task.clearance == pytest.approx(1e-3 * GAP, abs=2e-6)
     assert task.depths()[0] == pytest.approx(1e-3 * DEPTH, abs=1e-6)
     said = capsys.readouterr().out
-    assert "go: dovetail train --part out/part.toml" in said
+    assert "dovetail evaluate insert_any --part out/part.toml" in said
+    assert "dovetail train --part out/part.toml" in said
     worst = 1e3 * json.loads(Path("out/report.json").read_text())["exactness"]["worst"]
     assert f"worst {worst:.3f}" in " ".join(said.split())
 
@@ -116,7 +117,19 @@ def test_a_plug_above_its_floor_is_said_to_be(pair, capsys):
     body.export("plug.stl")
     check("plug.stl", "socket.stl", "--out", "out")
     said = " ".join(capsys.readouterr().out.split())
-    assert "18.50 mm below the mouth, 1.50 mm above" in said
+    assert "18.50 mm below the mouth" in said
+    assert "stands 1.50 mm above where the socket stops it" in said
+
+
+def test_a_large_plug_that_is_no_go_asks_for_the_unit_first(pair):
+    for name in ("plug.stl", "socket.stl"):
+        body = trimesh.load(name)
+        body.apply_scale(4.0)
+        body.export(name)
+    assert check("plug.stl", "socket.stl", "--units", "mm", "--out", "out") == 1
+    first, *others = json.loads(Path("out/report.json").read_text())["problems"]
+    assert "--units" in first
+    assert others
 
 
 def test_the_report_needs_no_other_file(pair):

@@ -56,7 +56,7 @@ class PartCheck:
         for problem in problems:
             console.print(f"no go: {problem}", soft_wrap=True, highlight=False)
         if not problems:
-            console.print(f"go: {_next(folder)}", soft_wrap=True, highlight=False)
+            console.print(f"go:\n{_next(folder)}", soft_wrap=True, highlight=False)
         return int(bool(problems))
 
     def _write(
@@ -115,8 +115,12 @@ class PartShow:
 
 
 def _next(folder: Path) -> str:
-    part, name = folder / "part.toml", folder.absolute().name
-    return f"dovetail train --part {quote(str(part))} --out {quote(f'runs/{name}')}"
+    """Return the commands that try a shipped policy at once, and train one."""
+    part, name = quote(str(folder / "part.toml")), folder.absolute().name
+    return (
+        f"dovetail evaluate insert_any --part {part} --twin medium\n"
+        f"dovetail train --part {part} --out {quote(f'runs/{name}')}"
+    )
 
 
 def _put(draft: Path, folder: Path) -> None:

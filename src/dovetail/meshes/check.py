@@ -1,7 +1,7 @@
 """A pair of meshes, checked: what was read, how it goes in, what may hold it."""
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -22,6 +22,8 @@ from dovetail.workcell.parts import Part
 
 _HEIGHTS = 41
 """Heights at which the gap is measured."""
+_LARGE = 0.2
+"""Longest side of a plug from which its unit is asked for [m]."""
 _SIMPLER = (
     "Many triangles on rounded edges need many pieces: export the mesh coarser, leave "
     "small roundings out, or blunt what ends in a point"
@@ -91,8 +93,21 @@ def check_pair(conversion: Conversion, begin: Callable[[str], None]) -> Check:
         clearance=_clearance(levels, *meshes),
         pieces=_clearance(levels, *pieces) if pieces else None,
         parts=parts,
-        problems=tuple(dict.fromkeys(reasons)),
+        problems=tuple(dict.fromkeys([*_unit_doubt(conversion, reasons), *reasons])),
     )
+
+
+def _unit_doubt(conversion: Conversion, reasons: Sequence[str]) -> list[str]:
+    """Ask for the unit where a pair is no go and its plug is large."""
+    mesh = conversion.plug
+    side = float(np.ptp(mesh.vertices, axis=0).max())
+    if not reasons or side < _LARGE:
+        return []
+    return [
+        f"the plug's longest side is {1e3 * side:.4g} mm in {mesh.units} "
+        f"({mesh.units_from}); most parts that a gripper inserts are smaller: is it in "
+        "another unit? Give --units"
+    ]
 
 
 def _parts(conversion: Conversion) -> tuple[Part, ...]:

@@ -31,12 +31,14 @@ def to_html(
     Args:
         check: The pair.
         facts: Name and text of each fact.
-        command: Command to train on it.
+        command: Commands to try it and to train on it.
         begin: Called with the name of each part of the work, as it begins.
     """
     begin("draw")
     pair = check.conversion
     name = f"{pair.plug.name} in {pair.socket.name}"
+    if pair.name != pair.plug.name:
+        name = f"{pair.name}: {name}"
     word, lead = ("go", "it can be trained") if check.is_go else ("no go", "see below")
     lines = "\n".join(
         f"<tr><td>{text(key)}</td><td>{text(value)}</td></tr>" for key, value in facts

@@ -32,13 +32,13 @@ def rows(check: Check, *, is_axis_given: bool) -> list[tuple[str, str]]:
     if not is_axis_given and pair.axis != "-z":
         found += " (if that is not meant, give --axis or swap the files)"
     return [
-        ("plug", _read(pair.plug)),
-        ("socket", _read(pair.socket)),
+        ("plug", _read(pair.plug, "plug")),
+        ("socket", _read(pair.socket, "socket")),
         *(("", f"{one.name}: {note}") for one in both for note in one.notes),
         ("mass of the plug", f"{1e3 * body.mass:.3g} g at {pair.density:g} kg/m3"),
         ("its inertia", " ".join(f"{m:.3g}" for m in moments) + " g mm2, principal"),
         ("way in", f"along {pair.axis} of the files, {found}; {end}"),
-        ("depth", f"{1e3 * pair.depth:.2f} mm below the mouth{_higher(pair)}"),
+        ("depth", f"{1e3 * pair.depth:.2f} mm below the mouth"),
         *_gap(check),
         (
             "convex pieces",
@@ -48,15 +48,22 @@ def rows(check: Check, *, is_axis_given: bool) -> list[tuple[str, str]]:
         *([("how exact", _exact(pair.exactness))] if pair.exactness else []),
         *_hold(check.hold),
         *_stand_in(check),
+        *_higher(pair),
     ]
 
 
-def _higher(pair: Conversion) -> str:
+def _higher(pair: Conversion) -> list[tuple[str, str]]:
     """Say how far above what stops it the plug stands, where that is not next to it."""
     way = pair.exactness.stop_mesh if pair.exactness else None
     if way is None or way < _RESTING:
-        return ""
-    return f", {1e3 * way:.2f} mm above where the socket stops it"
+        return []
+    return [
+        (
+            "note",
+            f"the plug stands {1e3 * way:.2f} mm above where the socket stops it, and "
+            "the task is done there; where it is meant to rest, move it in CAD",
+        )
+    ]
 
 
 def _counts(check: Check) -> dict[str, int]:
@@ -71,19 +78,20 @@ def _stand_in(check: Check) -> list[tuple[str, str]]:
     if (stalk := check.conversion.stalk) is None:
         return []
     what = "a stalk" if check.hold.stalk else "tips of fingers"
-    span = f"z = {1e3 * stalk.low:.1f} to {1e3 * stalk.high:.1f} mm"
+    span = f"{1e3 * stalk.low:.1f} to {1e3 * stalk.high:.1f} mm above the mouth"
     mass = f"{1e3 * check.conversion.mass:.3g} g in all"
     return [
-        ("in the simulation", f"{what} at {span} makes it long enough to hold; {mass}")
+        ("in the simulation", f"{what}, {span}, makes it long enough to hold; {mass}")
     ]
 
 
-def _read(mesh: Mesh) -> str:
+def _read(mesh: Mesh, part: str) -> str:
     low, high = mesh.box
     size = " x ".join(f"{1e3 * side:.4g}" for side in high - low)
     state = "closed" if mesh.was_closed else "not closed, repaired"
+    name = "" if mesh.name == part else f"{mesh.name}: "
     return (
-        f"{mesh.name}: {len(mesh.faces)} triangles, {state}, {size} mm "
+        f"{name}{len(mesh.faces)} triangles, {state}, {size} mm "
         f"(units {mesh.units}, {mesh.units_from})"
     )
 
@@ -137,9 +145,10 @@ def _hold(hold: Hold) -> list[tuple[str, str]]:
         said.append(
             (
                 "fingers",
-                f"{1e3 * grip.width:.1f} mm apart, closing at {turn} deg from x, from "
-                f"z = {1e3 * grip.low:.1f} mm up; they touch {1e3 * grip.touching:.1f} "
-                f"mm of height, down to a depth of {1e3 * hold.bare:.1f} mm",
+                f"{1e3 * grip.width:.1f} mm apart, closing at {turn} deg from x of the "
+                f"pictures, from {1e3 * grip.low:.1f} mm above the mouth; they touch "
+                f"{1e3 * grip.touching:.1f} mm of height, down to a depth of "
+                f"{1e3 * hold.bare:.1f} mm",
             )
         )
     if stalk is not None:
@@ -147,9 +156,10 @@ def _hold(hold: Hold) -> list[tuple[str, str]]:
         said.append(
             (
                 "stalk",
-                f"{shape}, {1e6 * stalk.outline.area:.0f} mm2 on the plug's top at z = "
-                f"{1e3 * stalk.low:.1f} mm, {1e3 * (stalk.high - stalk.low):.0f} mm "
-                f"high; glue or print it on. Fingers alone reach a depth of "
+                f"{shape}, {1e6 * stalk.outline.area:.0f} mm2 on the plug's top, "
+                f"{1e3 * stalk.low:.1f} mm above the mouth, and "
+                f"{1e3 * (stalk.high - stalk.low):.0f} mm high; glue or "
+                "print it on. Fingers alone reach a depth of "
                 f"{1e3 * hold.bare:.1f} mm",
             )
         )
