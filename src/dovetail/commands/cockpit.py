@@ -28,7 +28,8 @@ class ShownPolicyOptions:
     policy: str = DEFAULT_POLICY
     """Policy: the name of a shipped one, a file, or none."""
     env: str | None = None
-    """Environment of the policy; needed for one of your own, MODULE:ID."""
+    """Environment of the policy; needed for one of your own, MODULE:ID. --part FILE has
+    its own task."""
     task_options: dict[str, Any] = field(default_factory=dict)
     """Fields of the task; left out, they are the policy's."""
     tare: bool | None = None

@@ -43,8 +43,8 @@ class TriedTaskConfig:
     """The task, by default as in the policy's training."""
 
     env: str | None = None
-    """Environment of the policy; needed for one of your own, MODULE:ID. A policy's file
-    alone lets no module be imported."""
+    """Environment of the policy; needed for one of your own, MODULE:ID. --part FILE has
+    its own task. A policy's file alone lets no module be imported."""
     task_options: dict[str, Any] = field(default_factory=dict)
     """Fields of the task; left out, they are the policy's."""
     fixture: Placement = None
