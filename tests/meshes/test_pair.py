@@ -186,6 +186,9 @@ def test_another_way_in_is_found(axis):
         both.append(one._replace(vertices=one.vertices @ np.array(turn, float).T))
     found = convert(*both)
     assert found.axis == axis
+    for one in both:
+        back = [found.in_files(place) for place in found.in_part(one).vertices]
+        np.testing.assert_allclose(back, one.vertices, atol=1e-12)
     assert found.depth == pytest.approx(0.010, abs=1e-6)
     assert found.is_go, found.reasons
 

@@ -90,47 +90,6 @@ def test_an_end_far_beside_the_middle_is_searched_with_a_corner_at_its_walls(ope
     assert (found.corner[0] - 0.03) * open_to < 0.0
 
 
-def plug(places, outline="circle 4"):
-    """A plug with pins at some places, and a plate that is whole but for one hole."""
-    pins = [{"outline": outline, "at": at, "z": [-20, 1]} for at in places]
-    return [*pins, STEM]
-
-
-def test_of_several_pins_the_widest_is_led_by_a_corner_that_alone_is_lowest():
-    wide = {"outline": "circle 6", "at": [-8, 0], "z": [-20, 1]}
-    holes = {"outline": "rectangle 16 40", "z": [-20, 0]}
-    fixture = [
-        holes | {"cutouts": ["circle 6.6"], "at": [-8, 0]},
-        holes | {"cutouts": ["circle 4.6"], "at": [8, 0]},
-    ]
-    found = outline([wide, *plug([[8, 0]])], fixture)
-    assert found.is_pin
-    middle = found.opening[:-1].mean(axis=0)
-    np.testing.assert_allclose(1e3 * middle, [-8, 0], atol=0.01)
-    x, y = 1e3 * (found.corner - middle)
-    assert np.hypot(x, y) == pytest.approx(3.3, rel=0.01)
-    # Towards it, the other pin is at least 0.5 mm behind: it stays above the plate.
-    way = np.array([x, y]) / np.hypot(x, y)
-    assert 3.0 - (16 * way[0] + 2.0) > 0.5
-
-
-@pytest.mark.parametrize(
-    ("places", "is_pin"), [([[0, 0]], False), ([[-6, 0], [6, 0]], False)]
-)
-def test_one_pin_or_pins_without_walls_about_them_are_no_pins(places, is_pin):
-    bar = {"outline": "rectangle 7 40", "z": [-20, 0]}
-    found = outline(plug(places), [bar, PLATE] if len(places) > 1 else slot(3, 1, Z))
-    assert found.is_pin is is_pin
-
-
-def test_a_part_whose_pieces_touch_has_no_pins():
-    halves = [{"outline": "rectangle 5 10", "at": [x, 0], "z": Z} for x in (-2.5, 2.5)]
-    cup = {"outline": "square 40", "cutouts": ["rectangle 10.6 10.6"], "z": Z}
-    found = outline([*halves, STEM | {"z": [0, 60]}], [cup, PLATE])
-    assert not found.is_pin
-    assert not found.is_divided
-
-
 @pytest.mark.parametrize(("width", "is_divided"), [(1, False), (6, True)])
 def test_walls_inside_an_opening_divide_it_where_they_are_many(width, is_divided):
     fork = [{"outline": "rectangle 2 20", "at": [x, 0], "z": [-20, 1]} for x in (-9, 9)]
