@@ -164,15 +164,7 @@ class CornerSearch:
         self._others = [self._middle + one for one in far]
         """Corners that are tried in turn: what falls into a notched opening may lie in
         another arm of it than its own."""
-        size = _size_of(line, radius)
-        self._catch = size
-        """Width in which a corner can fall in [m]."""
-        share = min(1.0, size / _USUAL_SIZE)
-        self._pitch = share * _PITCH
-        self._radii = [share * ring for ring in self.config.rings]
-        """Radii of the circles of the path [m]: closer where the opening is small."""
-        if share < 1.0:  # a small fixture ends near the opening: first close to it
-            self._radii.insert(0, 0.5 * self._radii[0])
+        self._take_size(_size_of(line, radius))
         held = env.grasp_range
         self._askew = math.sqrt(2.0) * held.turn
         """Most that the part is held askew [rad]."""
@@ -181,8 +173,6 @@ class CornerSearch:
         if any(held):
             lever = max(0.5 * self._wide, float(np.linalg.norm(self._part_corner)))
             self._unsure = held.error + self._askew * lever + _DEEP
-        shallow = _SHALLOW_PIN if self._is_pin else _SHALLOW
-        self._drop = min(self.config.drop, shallow * size)
         if outline.is_post:
             sunk = _SUNK * radius * math.sin(self.config.tilt)
             self._drop = max(self._drop, min(sunk, 0.5 * self._depth))
@@ -201,6 +191,18 @@ class CornerSearch:
         self._farthest = max(self.config.rings) + self._wide + _ASTRAY
         """Distance from the fixture beyond which no path leads [m]."""
         self.reset()
+
+    def _take_size(self, size: float) -> None:
+        """Take the width in which a corner can fall in [m]: path and drop follow."""
+        self._catch = size
+        share = min(1.0, size / _USUAL_SIZE)
+        self._pitch = share * _PITCH
+        self._radii = [share * ring for ring in self.config.rings]
+        """Radii of the circles of the path [m]: closer where the opening is small."""
+        if share < 1.0:  # a small fixture ends near the opening: first close to it
+            self._radii.insert(0, 0.5 * self._radii[0])
+        shallow = _SHALLOW_PIN if self._is_pin else _SHALLOW
+        self._drop = min(self.config.drop, shallow * size)
 
     def _set_speeds(self) -> None:
         """Take the speeds, and the heights between which they hold."""

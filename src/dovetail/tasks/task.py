@@ -74,7 +74,7 @@ class Outline(NamedTuple):
     """Corner of the line at which walls stop a part, x y [m]; None is the farthest from
     the middle."""
     is_pin: bool = False
-    """True if the line is the hole of one of the held part's pins: by it, it is led."""
+    """True if the line is the opening of one of several pins: by it, all are led."""
     is_divided: bool = False
     """True if walls stand inside the line: no corner falls in everywhere."""
 

@@ -1,4 +1,4 @@
-"""Pins of a held part: which of them is led into its hole, so that all go in."""
+"""Pins of a held part: which of them is led into its opening, so that all go in."""
 
 import math
 from collections.abc import Sequence
@@ -23,10 +23,10 @@ _WALLED = 0.5
 class Pin(NamedTuple):
     """One of several pins of a held part, by which it is led."""
 
-    hole: Array
-    """Convex outline of its hole, counter-clockwise, shape (corners, 2) [m]."""
+    opening: Array
+    """Convex outline of its opening, counter-clockwise, shape (corners, 2) [m]."""
     corner: Array
-    """Corner of the hole at which walls stop it, x y [m]."""
+    """Corner of the opening at which walls stop it, x y [m]."""
 
 
 def led_pin(
@@ -45,21 +45,21 @@ def led_pin(
         pins: Sections of the held part, see `sections_near_end`.
         tips: The same at its very end: shorter pins are not in them.
         fixture: Sections of the fixture, see `sections_near_mouth`.
-        gap: How much wider a pin's hole is on each side [m].
+        gap: How much wider a pin's opening is on each side [m].
     """
     apart, found = _apart(pins), []
     for pin in apart if len(apart) > 1 else ():
         if not any(_touch(pin, tip) for tip in tips):
             continue
         others = np.vstack([one for one in apart if one is not pin])
-        middle, hole = area_centre(pin), moved_corners(pin, gap)
-        walls = walls_about(hole - middle, [line - middle for line in fixture])
+        middle, opening = area_centre(pin), moved_corners(pin, gap)
+        walls = walls_about(opening - middle, [line - middle for line in fixture])
         out = (pin - middle) / np.linalg.norm(pin - middle, axis=1, keepdims=True)
         ahead = (pin * out).sum(axis=1) - (others @ out.T).max(axis=0)
         width = float(inside(pin, middle[None]).min())
         for i in np.flatnonzero((ahead > _ALONE) & (walls > _WALLED)).tolist():
             rank = round(width, 5), float(walls[i]), round(math.hypot(*pin[i]), 5), i
-            found.append((rank, Pin(hole, hole[i])))
+            found.append((rank, Pin(opening, opening[i])))
     return max(found, key=lambda one: one[0])[1] if found else None
 
 

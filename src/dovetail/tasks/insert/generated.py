@@ -38,7 +38,7 @@ _STEPS = ("circle", "square", "hexagon")
 _PIN_COUNTS, _PIN_SHARE = (2, 5), (0.18, 0.3)
 """Pins of a plug, below the last; radius of each over that around all [1]."""
 _ROUND = 32
-"""Corners of a round hole."""
+"""Corners of a round opening."""
 _ROOF = 1.0  # [mm] of a cap's bore over the post that is in it
 _BASE = 8.0  # [mm] of the plate under a post
 _ARC = math.radians(15.0)
@@ -66,7 +66,7 @@ def generate_parts(
     """
     in_count("count", count, 1, COUNT_MAX, "pairs")
     in_count("seed", seed, 0, 2**31 - 1, "(2^31 - 1)")
-    known = *KINDS, PINS
+    known, kinds = (*KINDS, PINS), [kind.strip() for kind in kinds]
     if not kinds or set(kinds) - set(known):
         raise ConfigError(
             f"kinds are {', '.join(kinds) or 'none'}; known: {', '.join(known)}",
@@ -193,10 +193,10 @@ def _pins(
         word, sides = f"circle {2.0 * own:.2f}", _ROUND
     else:
         word, sides = f"square {2.0 * own / math.sqrt(2.0):.2f}", 4
-    half = float(word.split()[1]) / 2.0 + gap  # from a hole's middle to its sides
+    half = float(word.split()[1]) / 2.0 + gap  # from an opening's middle to its sides
     corner = np.pi * (2.0 * np.arange(sides) + 1.0) / sides
-    hole = np.stack([np.cos(corner), np.sin(corner)], axis=1)
-    hole *= half / math.cos(math.pi / sides)
+    around = np.stack([np.cos(corner), np.sin(corner)], axis=1)
+    around *= half / math.cos(math.pi / sides)
     side = f"square {2.0 * (radius + _between(rng, _WALL)):.1f}"
     pins = [
         {"outline": word, "at": np.round(at, 3).tolist(), "z": [low, 1.0]}
@@ -206,8 +206,8 @@ def _pins(
         "outline": f"circle {2.0 * radius + 2.0:.2f}",
         "z": [1.0, round(max(above, 30.0), 2)],
     }
-    holes = [np.round(np.round(at, 3) + hole, 3).tolist() for at in places]
-    plate = {"outline": side, "cutouts": holes, "z": [low, 0.0]}
+    openings = [np.round(np.round(at, 3) + around, 3).tolist() for at in places]
+    plate = {"outline": side, "cutouts": openings, "z": [low, 0.0]}
     floor = {"outline": side, "z": [low - _BASE, low]}
     return {
         "units": "mm",

@@ -209,7 +209,7 @@ class Insert(DrawnOpening):
         tips = sections_near_end(pair.held, 0.0)
         if (pin := led_pin(ends, tips, sections, pair.gap)) is not None:
             return Outline(
-                _closed(pin.hole),
+                _closed(pin.opening),
                 *sizes,
                 is_straight=False,
                 corner=pin.corner,
