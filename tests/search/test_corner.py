@@ -421,21 +421,65 @@ def test_a_plug_with_several_pins_is_led_by_one_of_them(pins):
     assert any("seat" in phases for _, phases in found)
 
 
-def test_a_plug_around_a_tongue_slides_upright_over_its_socket():
-    need("shapely")
+def around_a_tongue(top):
+    """A shell around a socket's tongue, which ends at a height [mm]."""
     shell = {"outline": "rectangle 12 6", "cutouts": ["rectangle 11 4"], "z": [-12, 1]}
-    tongue = {"outline": "rectangle 10.4 3.4", "z": [-12.5, -1]}
     mouth = ["rectangle 12.4 6.4"]
     fixture = [
         {"outline": "square 40", "cutouts": mouth, "z": [-12.5, 0]},
         {"outline": "square 40", "z": [-16, -12.5]},
-        tongue,
+        {"outline": "rectangle 10.4 3.4", "z": [-12.5, top]},
     ]
-    held = [shell, {"outline": "rectangle 20 12", "z": [1, 30]}]
+    roof = max(1, top + 1)
+    held = [shell | {"z": [-12, roof]}, {"outline": "rectangle 20 12"}]
+    held[1] |= {"z": [roof, 30 + roof]}
     both = {"held": {"shapes": held}, "fixture": {"shapes": fixture}}
-    env, core = insertion({"units": "mm", "gap": 0.2} | both)
+    return {"units": "mm", "gap": 0.2} | both
+
+
+def test_a_plug_around_a_tongue_slides_upright_over_its_socket():
+    need("shapely")
+    env, core = insertion(around_a_tongue(-1))
     found = [search(env, core, seed) for seed in range(5)]
     env.close()
     assert core.task.outline().is_divided
     assert sum(info["success"] for info, _ in found) >= 4
     assert any("wind" in phases for _, phases in found)
+
+
+def test_a_spiral_begins_where_the_part_stands():
+    """It hovered beside the place, and took the air for the surface."""
+    need("shapely")
+    env, core = insertion(around_a_tongue(-1))
+    actor = CornerSearch(core)
+    begun = []
+    for seed in range(5):
+        observation, _ = env.reset(seed=seed)
+        actor.reset()
+        ended = cut = False
+        last = ""
+        while not (ended or cut):
+            action = actor(observation)
+            if actor.phase == "wind" and last == "lower":
+                begun.append(actor._end[2])
+            last = actor.phase
+            observation, _, ended, cut, _ = env.step(action)
+    env.close()
+    assert begun
+    assert max(begun) < 0.001
+
+
+def test_what_lands_on_a_tongue_above_the_mouth_goes_on():
+    """It stayed there, lowered for ever: only next to the mouth was it a touch."""
+    need("shapely")
+    env, core = insertion(around_a_tongue(6))
+    actor = CornerSearch(core)
+    observation, _ = env.reset(seed=0)
+    surfaces, ended, cut = {}, False, False
+    while not (ended or cut):
+        action = actor(observation)
+        surfaces.setdefault(actor.phase, actor._surface)
+        observation, _, ended, cut, _ = env.step(action)
+    env.close()
+    assert surfaces["wind"] > 0.005
+    assert surfaces["go over"] < 0.001  # where it stood upright is no surface

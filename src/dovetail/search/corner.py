@@ -248,9 +248,9 @@ class CornerSearch:
     def reset(self) -> None:
         """Begin anew."""
         self._tries = self._steps_met = 0
-        self._surface = 0.0
-        """Its height, as touched [m], or as it was seen."""
-        self._is_touched = False
+        self._surface = self._touched_at = 0.0
+        """Its height, as touched [m], or as it was seen; and before a spiral."""
+        self._is_touched = self._winds = False
         self._search()
         if self._has_steps:  # any shape: perhaps it is where it is believed
             self._tries = 0
@@ -296,6 +296,9 @@ class CornerSearch:
         """
         if self._others:
             self._take_corner(self._others[self._tries % len(self._others)])
+        if self._winds:  # where an upright part stood is no surface for a corner
+            self._surface = self._touched_at
+        self._touched_at = self._surface
         self._winds = self._is_divided and self._tries % 2 == 0
         self._begin(self._lower if self._winds else self._go_over)
         self._level = math.inf
