@@ -130,7 +130,7 @@ def test_a_twin_is_never_called_a_robot(report):
 )
 def test_figures_are_png_for_every_peg(report, task):
     figure = draw_paths(
-        report.outcomes, ["A", "B"], outline=task.outline(), title="paths of a test"
+        report.outcomes, ["A", "B"], fixture=task.fixture(0.0), title="paths of a test"
     )
     assert figure.startswith(PNG)
     assert draw_forces(report.outcomes).startswith(PNG)
@@ -147,7 +147,7 @@ def test_tries_that_the_arm_ended_before_their_first_step_are_drawn(report):
     ]
     for outcomes in ([report.outcomes[0], ended[1]], ended):
         figure = draw_paths(
-            outcomes, ["A", "B"], outline=PegInHole().outline(), title="ended"
+            outcomes, ["A", "B"], fixture=PegInHole().fixture(0.0), title="ended"
         )
         assert figure.startswith(PNG)
         assert draw_forces(outcomes).startswith(PNG)

@@ -48,8 +48,9 @@ from dovetail.robots.find import DEFAULT_ROBOT, robot_label
 from dovetail.search.script import CornerScript
 from dovetail.settings import in_count
 from dovetail.tasks.fixture_pose import FixturePose
-from dovetail.tasks.task import Outline, Task
+from dovetail.tasks.task import Task
 from dovetail.view.renderer import Renderer
+from dovetail.workcell.parts import Part
 from dovetail.workcell.workcell import Workcell
 
 _WORKERS_MAX = 256
@@ -130,7 +131,7 @@ def evaluate(config: EvaluationConfig, console: Console | None = None) -> Evalua
         ),
     )
     _print(report, console)
-    made = _write(config, report, folder, poses, task.outline())
+    made = _write(config, report, folder, poses, task.fixture(0.0))
     return Evaluation(
         rows, outcomes, report, folder, [*made, *([logs] if logs else [])]
     )
@@ -141,14 +142,14 @@ def _write(
     report: Report,
     folder: Path,
     poses: Sequence[FixturePose],
-    outline: Outline | None,
+    fixture: Part,
 ) -> list[Path]:
     """Write the report with the figures and films that were asked for."""
     films = [folder / film_name(pose) for pose in poses] if config.video else []
     searched = None
     if config.perturbation.fixture_shift:
-        searched = draw_search(report, poses, outline)
-    return write_report(report, folder, outline, films, searched)
+        searched = draw_search(report, poses, fixture)
+    return write_report(report, folder, fixture, films, searched)
 
 
 def _title(
@@ -224,7 +225,7 @@ def _inspect(
 def write_report(
     report: Report,
     folder: Path,
-    outline: Outline | None,
+    fixture: Part,
     films: Sequence[Path] = (),
     searched: bytes | None = None,
 ) -> list[Path]:
@@ -233,7 +234,7 @@ def write_report(
     Args:
         report: What was found.
         folder: Where to.
-        outline: Of the fixture, from above.
+        fixture: In its own frame.
         films: Animated GIFs that are there; one that is not, as its try never began,
             is left out.
         searched: Figure of the part's paths over a fixture that was moved unseen.
@@ -245,7 +246,7 @@ def write_report(
     paths = draw_paths(
         report.outcomes,
         labels,
-        outline=outline,
+        fixture=fixture,
         title=report.title,
         done_word=report.done_word,
     )

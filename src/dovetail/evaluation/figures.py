@@ -3,18 +3,20 @@
 import math
 from collections.abc import Mapping, Sequence
 from io import BytesIO
+from textwrap import wrap
 from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from dovetail.evaluation.fixture_figure import draw_from_above, draw_from_side
 from dovetail.evaluation.outcome import Outcome
-from dovetail.tasks.task import Outline, Task
+from dovetail.tasks.task import Task
+from dovetail.workcell.parts import Part
 
 DONE = "#0b7a75"
 MISSED = "#d1495b"
-_BLOCK = "#e9e4da"
 _INK = "#4a4640"
 _VIEW = 60.0  # half width of a view [mm]
 
@@ -23,19 +25,19 @@ def draw_paths(
     outcomes: Sequence[Outcome],
     labels: Sequence[str],
     *,
-    outline: Outline | None,
+    fixture: Part,
     title: str,
     done_word: str = Task.done_word,
 ) -> bytes:
     """Draw the tool's path of every try, one column per pose of the fixture.
 
-    Above the view from the top with the fixture's outline, below the view along its
-    y with a cut through it; both in the fixture's frame.
+    Above the view from the top, below the view along the fixture's y; both in its
+    frame, with its sections.
 
     Args:
         outcomes: The tries.
         labels: Names of the fixture's poses.
-        outline: Of the fixture; None draws the paths alone.
+        fixture: In its own frame.
         title: Line above the figure: what was tried on what.
         done_word: What a success is called.
 
@@ -43,15 +45,15 @@ def draw_paths(
         A PNG file.
     """
     figure = Figure(figsize=(3.4 * len(labels), 6.6), dpi=130, layout="constrained")
-    figure.suptitle(title, fontsize=11, color=_INK)
+    figure.suptitle("\n".join(wrap(title, 35 * len(labels))), fontsize=11, color=_INK)
     grid = figure.subplots(2, len(labels), squeeze=False)
     for column, label in enumerate(labels):
         tries = [outcome for outcome in outcomes if outcome.job.pose == column]
         top, side = grid[0, column], grid[1, column]
         done = sum(outcome.success for outcome in tries)
         top.set_title(f"pose {label}: {done}/{len(tries)}", fontsize=10)
-        if outline is not None:
-            _draw_fixture(top, side, outline)
+        draw_from_above(top, fixture)
+        draw_from_side(side, fixture)
         for outcome in tries:
             if not len(outcome.course.path):
                 continue  # the arm ended it before the first step
@@ -72,28 +74,6 @@ def draw_paths(
     _fit(grid, outcomes)
     _add_legend(figure, done_word)
     return _png(figure)
-
-
-def _draw_fixture(top: Any, side: Any, outline: Outline) -> None:
-    style = {"facecolor": _BLOCK, "edgecolor": _INK, "linewidth": 0.8}
-    opening, outer = 1e3 * outline.opening, 1e3 * outline.outer
-    corners = outer * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
-    top.fill(*corners.T, **style)
-    top.fill(*opening.T, **style | {"facecolor": "white"})
-    for part in _cut(outline, opening[:, 0].min(), opening[:, 0].max(), outer):
-        side.fill(*np.array(part).T, **style)
-
-
-def _cut(
-    outline: Outline, left: float, right: float, outer: float
-) -> list[list[tuple[float, float]]]:
-    """Return the pieces of the fixture in the side view [mm]: two without a floor."""
-    floor, bottom = -1e3 * outline.depth, -1e3 * outline.bottom
-    walls = [(-outer, 0.0), (left, 0.0), (left, floor)]
-    others = [(right, floor), (right, 0.0), (outer, 0.0)]
-    if outline.bottom == outline.depth:
-        return [[*walls, (-outer, floor)], [*others, (outer, floor)]]
-    return [[*walls, *others, (outer, bottom), (-outer, bottom)]]
 
 
 def _fit(grid: Any, outcomes: Sequence[Outcome]) -> None:

@@ -10,24 +10,23 @@ import numpy as np
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
+from dovetail.evaluation.fixture_figure import draw_from_above
 from dovetail.evaluation.outcome import Outcome
 from dovetail.evaluation.report import Report
 from dovetail.poses import matrix_from_quat
 from dovetail.tasks.fixture_pose import FixturePose
-from dovetail.tasks.task import Outline
+from dovetail.workcell.parts import Part
 
 SHIFT = "fixture_shift [m]"
 """Key of the fixture's displacement [m] in `Conditions.perturbation`."""
 _SHOWN = 6
 """Tries at each pose of the fixture: more would hide one another."""
-_BLOCK, _INK = "#e9e4da", "#4a4640"
+_INK = "#4a4640"
 _POINTS = 400
 _WIDTH = 100
 
 
-def draw_search(
-    report: Report, poses: Sequence[FixturePose], outline: Outline | None
-) -> bytes:
+def draw_search(report: Report, poses: Sequence[FixturePose], fixture: Part) -> bytes:
     """Draw the first tries at each pose in the fixture's frame, seen from above.
 
     A cross is where the middle of the fixture was believed.
@@ -35,7 +34,7 @@ def draw_search(
     Args:
         report: Its tries tell how far their fixture was moved.
         poses: Where the fixture was.
-        outline: Of the fixture; None draws the paths alone.
+        fixture: In its own frame.
 
     Returns:
         A PNG file.
@@ -47,11 +46,10 @@ def draw_search(
     first = [o for o in report.outcomes if o.job.attempt < _SHOWN]
     shown = [o for o in first if len(o.course.path)]
     longest = max((period * len(o.course.path) for o in shown), default=1.0)
-    side = 1e3 * outline.outer if outline is not None else 50.0
+    side = 1e3 * float(np.abs(fixture.corners[:, :2]).max())
     lines: Any = None
     for column, (axes, pose) in enumerate(zip(row, poses, strict=True)):
-        if outline is not None:
-            _draw_outline(axes, outline)
+        draw_from_above(axes, fixture)
         turn = matrix_from_quat(pose.pose().quat_wxyz).T
         for outcome in (o for o in shown if o.job.pose == column):
             believed = -1e3 * (turn @ np.array(outcome.conditions.perturbation[SHIFT]))
@@ -69,14 +67,6 @@ def draw_search(
     buffer = BytesIO()
     figure.savefig(buffer, format="png")
     return buffer.getvalue()
-
-
-def _draw_outline(axes: Any, outline: Outline) -> None:
-    half = 1e3 * outline.outer
-    corners = half * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
-    style = {"edgecolor": _INK, "linewidth": 0.8}
-    axes.fill(*corners.T, facecolor=_BLOCK, **style)
-    axes.fill(*(1e3 * outline.opening).T, facecolor="white", **style)
 
 
 def _draw_path(axes: Any, outcome: Outcome, period: float, longest: float) -> Any:

@@ -56,7 +56,7 @@ class Progress(NamedTuple):
 
 
 class Outline(NamedTuple):
-    """Outline of a fixture for figures, in its own frame [m]."""
+    """Outline of a fixture's opening, or of its post, in its own frame [m]."""
 
     opening: Array
     """Closed line seen from above, shape (points, 2)."""
@@ -261,7 +261,7 @@ class Task(ABC):
         return {}
 
     def outline(self) -> Outline | None:
-        """Return what a figure shows of the fixture; None draws the paths alone."""
+        """Return the fixture's opening, or None if it is not searched by touch."""
         return None
 
     def workcell(self, robot: Robot, cell: CellConfig | None = None) -> Workcell:

@@ -42,7 +42,7 @@ def sections_near_mouth(fixture: Part, depth: float) -> list[Array]:
     Returns:
         Corners of convex lines, counter-clockwise, each of shape (corners, 2) [m].
     """
-    return _sections(fixture, -_looked_at(depth))
+    return sections_at(fixture, -_looked_at(depth))
 
 
 def sections_near_end(held: Part, depth: float) -> list[Array]:
@@ -57,15 +57,25 @@ def sections_near_end(held: Part, depth: float) -> list[Array]:
     """
     up = np.array([0.0, 0.0, max(_looked_at(depth), _TIP)])
     seen = tuple(one.moved(-up, TOOL_DOWN) for one in held.primitives)
-    return _sections(Part(held.name, seen), 0.0)
+    return sections_at(Part(held.name, seen), 0.0)
 
 
 def _looked_at(depth: float) -> float:
     return min(_BELOW, 0.5 * depth)
 
 
-def _sections(part: Part, z: float) -> list[Array]:
-    """Return the section of each of a part's pieces at a height [m]."""
+def sections_at(part: Part, z: float) -> list[Array]:
+    """Return the section of each of a part's pieces at a height.
+
+    What moves on the part is left out.
+
+    Args:
+        part: In its own frame.
+        z: The height [m].
+
+    Returns:
+        See `sections_near_mouth`.
+    """
     found = []
     for shape in part.primitives:
         points = surface_points(Part(part.name, (shape,)))

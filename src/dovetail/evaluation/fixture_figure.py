@@ -1,0 +1,63 @@
+"""A fixture in a figure's axes: from above and along its y, each with a section."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.collections import PolyCollection
+
+from dovetail.types import Array
+from dovetail.workcell.end_outline import hull_line, surface_points
+from dovetail.workcell.near_mouth import sections_at
+from dovetail.workcell.parts import Part
+
+_BEHIND, _CUT, _INK = "#f4f1ea", "#dcd5c7", "#4a4640"
+_BELOW = 0.001
+"""Depth below the fixture's z = 0 at which it is cut, as seen from above [m]."""
+_QUARTER = np.array([np.sqrt(0.5), np.sqrt(0.5), 0.0, 0.0])
+"""Turn about x (wxyz) that brings y up, and z to -y."""
+
+
+def draw_from_above(axes: Any, fixture: Part) -> None:
+    """Draw a fixture from above in mm, darker where it reaches up to its mouth.
+
+    Args:
+        axes: Of matplotlib, x to the right, y upwards.
+        fixture: In its own frame.
+    """
+    _draw(axes, _seen(fixture), _BEHIND)
+    _draw(axes, sections_at(fixture, -_BELOW), _CUT)
+
+
+def draw_from_side(axes: Any, fixture: Part) -> None:
+    """Draw a fixture along its y in mm, darker where the plane y = 0 cuts it.
+
+    Args:
+        axes: Of matplotlib, x to the right, z upwards.
+        fixture: In its own frame.
+    """
+    turned = [one.moved(np.zeros(3), _QUARTER) for one in fixture.primitives]
+    aside = Part(fixture.name, tuple(turned))
+    upright = np.array([1.0, -1.0])
+    _draw(axes, [line * upright for line in _seen(aside)], _BEHIND)
+    _draw(axes, [line * upright for line in sections_at(aside, 0.0)], _CUT)
+
+
+def _seen(part: Part) -> list[Array]:
+    """Return the outline of each piece as seen along z [m]."""
+    points = (surface_points(Part(part.name, (one,))) for one in part.primitives)
+    return [hull_line(each[:, :2]) for each in points]
+
+
+def _draw(axes: Any, lines: Sequence[Array], colour: str) -> None:
+    """Fill convex areas, and draw the edge of all of them together.
+
+    Their edges are drawn first: fillings then hide those between neighbours.
+    """
+    scaled = [1e3 * line for line in lines]
+    for edge, width in ((_INK, 1.6), (colour, 0.2)):
+        axes.add_collection(
+            PolyCollection(
+                scaled, facecolors=colour, edgecolors=edge, linewidths=width, zorder=0
+            )
+        )
