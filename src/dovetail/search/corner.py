@@ -26,21 +26,13 @@ from numpy.typing import NDArray
 
 from dovetail.control.period import POLICY_PERIOD
 from dovetail.control.task_spec import TaskSpec
-from dovetail.envs.commands import per_axis
 from dovetail.envs.contact_env import ContactEnv
 from dovetail.errors import ConfigError
-from dovetail.poses import (
-    matrix_from_quat,
-    quat_conjugate,
-    quat_from_vector,
-    quat_multiply,
-    rotation_error,
-)
 from dovetail.search.corner_config import CornerSearchConfig
+from dovetail.search.led_corner import SoughtOpening
+from dovetail.search.led_part import RESPONSE, LedPart
 from dovetail.tasks.task import Outline
-from dovetail.types import Array, Mat33, Vec3
-from dovetail.workcell.outline import area_centre
-from dovetail.workcell.sections import is_convex
+from dovetail.types import Vec3
 
 SEARCH_AXES = "XYZ:force ABC:pose"
 """Mode of each axis that the search needs: it tilts the part."""
@@ -58,8 +50,6 @@ _SHALLOW, _SHALLOW_PIN = 0.15, 0.08
 one, and of a pin, which the others hold."""
 _CROSSING = 0.05
 """Least time in which a corner slides over an opening of its size [s]."""
-_RESPONSE = 0.1
-"""Time in which a distance is made up through free air [s]."""
 _STILL = 0.003
 """Speed below which the part stands [m/s]."""
 _DEEP = 0.0005
@@ -89,10 +79,6 @@ _SUNK = 0.6
 below the end's middle under the surface [1]."""
 _AWAY = 0.008
 """Most distance from a post at which that corner is put down [m]."""
-_BESIDE_MIDDLE = 0.5
-"""Share of the room about an opening's middle from which 0 0 is no middle of it [1]."""
-_FAR = 0.85
-"""Least distance from the middle of a corner that is tried, per the farthest's [1]."""
 _UPRIGHT = 0.002
 """Distance from the believed opening at which an upright part goes down [m]."""
 _HOLD = 200.0
@@ -102,8 +88,6 @@ _PULL = 0.1
 """Way up on which an upright part is pulled out [m]: as hard as an action may."""
 _ROUNDS = 1.5
 """Rounds on which it is pressed [1]."""
-_SPREAD = 0.5 * (1.0 + math.sqrt(5.0))
-"""Golden ratio: its multiples are spread evenly [1]."""
 _ASTRAY = 0.010
 """Way beyond the widest ring and the opening that is no path's [m]."""
 _ROCK, _ROCK_TURNS = 0.2, 0.02
@@ -141,104 +125,68 @@ class CornerSearch:
             ConfigError: The task has other axes, or no opening.
         """
         self.config = config or CornerSearchConfig()
-        outline = _outline_of(env)
-        self._env = env
-        self._side = -1.0 if outline.is_post else 1.0
-        """Side of the corner on which walls stop it: 1 outwards, -1 inwards."""
-        self._is_pin, self._is_divided = outline.is_pin, outline.is_divided
-        self._middle = _middle_of(outline)
-        """Middle of the opening, or of the post [m]."""
-        line = outline.opening - self._middle
-        radius = float(np.linalg.norm(line, axis=1).max())
         gap = env.task.gap() or 0.0
-        room = max(_inner_radius(line), gap, 1e-9)
-        self._inward = 1.0 - self._side * gap / room
-        corner = outline.corner
-        if corner is None:
-            farthest = max(line, key=lambda point: float(point @ point))
-            corner = self._middle + farthest
-        self._depth, self._wide = outline.depth, 2.0 * radius
-        self._take_corner(corner)
-        is_notched = not is_convex(outline.opening[:-1])
-        far = _far_corners(line, radius) if is_notched else []
-        self._others = [self._middle + one for one in far]
-        """Corners that are tried in turn: what falls into a notched opening may lie in
-        another arm of it than its own."""
-        self._take_size(_size_of(line, radius))
-        held = env.grasp_range
+        self._opening = SoughtOpening(_outline_of(env), gap)
+        self._led = self._opening.corners[0]
+        self._part = LedPart(env, self.config.speed)
+        self._take_path(env.config.near_speed, gap)
+        self._take_heights(env)
+        self._leaning = self._without_wedging(2.0 * gap)
+        self.reset()
+
+    def _take_path(self, near_speed: float, gap: float) -> None:
+        """Take what the opening's size scales: path, speed, drop, turns of a spiral.
+
+        Args:
+            near_speed: Most speed in contact [m/s].
+            gap: On each side [m].
+        """
+        opening, c = self._opening, self.config
+        share = min(1.0, opening.catch / _USUAL_SIZE)
+        self._pitch = share * _PITCH
+        self._radii = [share * ring for ring in c.rings]
+        """Radii of the circles of the path [m]: closer where the opening is small."""
+        if share < 1.0:  # a small fixture ends near the opening: first close to it
+            self._radii.insert(0, 0.5 * self._radii[0])
+        self._room = max(_ROOM, opening.outer)
+        """Distance from the believed opening from which a part is beside it [m]."""
+        if opening.has_steps:  # what ends beside the fixture is on no path
+            self._radii = [ring for ring in self._radii if ring < self._room + _PITCH]
+        shallow = _SHALLOW_PIN if opening.is_pin else _SHALLOW
+        self._drop = min(c.drop, shallow * opening.catch)
+        if opening.is_post:
+            sunk = _SUNK * opening.radius * math.sin(c.tilt)
+            self._drop = max(self._drop, min(sunk, 0.5 * opening.depth))
+        self._slide_speed = min(c.slide_speed, near_speed, opening.catch / _CROSSING)
+        """Speed of the slide [m/s]; a shortfall from more would count as friction."""
+        self._farthest = max(c.rings) + opening.wide + _ASTRAY
+        """Distance from the fixture beyond which no path leads [m]."""
+        self._turns = max(0.8 * gap, _CLOSEST)
+        """Distance between two turns of a spiral [m]."""
+
+    def _take_heights(self, env: ContactEnv) -> None:
+        """Take what holds above the fixture, beside it and in it."""
+        top = float(env.task.fixture(0.0).corners[:, 2].max())
+        self._above = max(top, 0.0) + self.config.over
+        """Height of the corner above all of the fixture [m]."""
+        self._fast_from = env.config.near_distance + _NEAR
+        """Height above the surface from which the arm is not slow [m]."""
+        opening, held = self._opening, env.grasp_range
+        self._beside = _BESIDE + (opening.depth if opening.has_steps else 0.0)
+        """Depth of a tilted part's end that it has only beside the fixture [m]."""
         self._askew = math.sqrt(2.0) * held.turn
         """Most that the part is held askew [rad]."""
         self._unsure = 0.0
         """Depth below its believed height at which an untouched surface may lie [m]."""
         if any(held):
-            lever = max(0.5 * self._wide, float(np.linalg.norm(self._part_corner)))
+            far = max(float(np.linalg.norm(one.on_part)) for one in opening.corners)
+            lever = max(opening.radius, far)
             self._unsure = held.error + self._askew * lever + _DEEP
-        if outline.is_post:
-            sunk = _SUNK * radius * math.sin(self.config.tilt)
-            self._drop = max(self._drop, min(sunk, 0.5 * self._depth))
-        self._has_steps = not outline.is_straight
-        self._room = max(_ROOM, outline.outer)
-        """Distance from the believed opening from which a part is beside it [m]."""
-        if self._has_steps:  # what ends beside the fixture is on no path
-            self._radii = [ring for ring in self._radii if ring < self._room + _PITCH]
-        self._turns = max(0.8 * gap, _CLOSEST)
-        """Distance between two turns of a spiral [m]."""
-        self._beside = _BESIDE + (self._depth if self._has_steps else 0.0)
-        self._leaning = self._without_wedging(2.0 * gap)
-        self._damping = np.array(per_axis("", env.config.force_damping))
-        self._scale = np.array(env.commands.scale)
-        self._set_speeds()
-        self._farthest = max(self.config.rings) + self._wide + _ASTRAY
-        """Distance from the fixture beyond which no path leads [m]."""
-        self.reset()
-
-    def _take_size(self, size: float) -> None:
-        """Take the width in which a corner can fall in [m]: path and drop follow."""
-        self._catch = size
-        share = min(1.0, size / _USUAL_SIZE)
-        self._pitch = share * _PITCH
-        self._radii = [share * ring for ring in self.config.rings]
-        """Radii of the circles of the path [m]: closer where the opening is small."""
-        if share < 1.0:  # a small fixture ends near the opening: first close to it
-            self._radii.insert(0, 0.5 * self._radii[0])
-        shallow = _SHALLOW_PIN if self._is_pin else _SHALLOW
-        self._drop = min(self.config.drop, shallow * size)
-
-    def _set_speeds(self) -> None:
-        """Take the speeds, and the heights between which they hold."""
-        env = self._env
-        near_speed = env.config.near_speed
-        self._fast_from = env.config.near_distance + _NEAR
-        """Height above the surface from which the arm is not slow [m]."""
-        top = float(env.task.fixture(0.0).corners[:, 2].max())
-        self._above = max(top, 0.0) + self.config.over
-        """Height of the corner above all of the fixture [m]."""
-        seen = self._catch / _CROSSING
-        self._slide_speed = min(self.config.slide_speed, near_speed, seen)
-        """Speed of the slide [m/s]; a shortfall from more would count as friction."""
-        most = float((self._scale[:3] / np.maximum(self._damping, 1e-9)).min())
-        self._air_speed = min(self.config.speed, most)
-        """Speed through free air that an action can ask for [m/s]."""
-
-    def _take_corner(self, corner: Array) -> None:
-        """Search with a corner of the opening, x y from its middle [m]."""
-        out = corner - self._middle
-        radius = math.hypot(*out)
-        self._along: Vec3 = np.append(out / radius, 0.0)
-        """Towards the opening's corner, in the fixture's frame, as all that follows."""
-        self._size = self._inward * radius
-        self._part_corner = np.append(self._middle, 0.0) + self._size * self._along
-        ahead = float(self._part_corner @ self._along)
-        self._lever = max(ahead, self._size) if self._is_pin else 0.5 * self._wide
-        """Height per tilt of the end's middle over the corner, in the mouth [m]."""
-        self._tilt_axis = np.cross(_UP, self._along)
-        self._to_walls = self._side * self._along
-        """Way of the lowest corner to the walls that stop it."""
 
     def _without_wedging(self, play: float) -> float:
         """Return the tilt with which the part is led in [rad], 0 in a tight fit."""
         most, c = self.config.leaning, self.config
-        until_deep = _DEEP + most * self._lever
+        until_deep = _DEEP + most * self._led.lever
         leaning = most if play > most * until_deep else 0.0
         rate = c.turn_rate if leaning > 0.0 else c.stir_rate
         self._around = 1.0 / (rate * POLICY_PERIOD)
@@ -252,23 +200,24 @@ class CornerSearch:
         """Its height, as touched [m], or as it was seen; and before a spiral."""
         self._is_touched = self._winds = False
         self._search()
-        if self._has_steps:  # any shape: perhaps it is where it is believed
+        if self._opening.has_steps:  # any shape: perhaps it is where it is believed
             self._tries = 0
             self._winds = False
             self._begin(self._lower)
 
     def __call__(self, observation: NDArray[np.float32], /) -> NDArray[np.float32]:
         """Return the next action; what is measured is read from the arm's state."""
-        self._look()
+        self._part.look(self._led.on_part)
         if self._has_fallen and self._is_beside():
-            self._surface = float(self._corner[2])  # lower than it was believed
+            self._surface = float(self._part.corner[2])  # lower than it was believed
             self._search()
         elif not self._is_on_the_way and self._is_astray():
             self._search()
         self._steps += 1
-        self._track.append(self._end)
+        self._track.append(self._part.end)
         force, tilt = self._phase()
-        return self._action(force, tilt, self._turn)
+        turn = self._given + self._turn * _UP
+        return self._part.action(force, self._led.tilt_axis, tilt, turn)
 
     @property
     def phase(self) -> str:
@@ -294,12 +243,12 @@ class CornerSearch:
 
         Where walls stand inside the opening, every second try is upright, on a spiral.
         """
-        if self._others:
-            self._take_corner(self._others[self._tries % len(self._others)])
+        corners = self._opening.corners
+        self._led = corners[self._tries % len(corners)]
         if self._winds:  # where an upright part stood is no surface for a corner
             self._surface = self._touched_at
         self._touched_at = self._surface
-        self._winds = self._is_divided and self._tries % 2 == 0
+        self._winds = self._opening.is_divided and self._tries % 2 == 0
         self._begin(self._lower if self._winds else self._go_over)
         self._level = math.inf
         """Height of the last place inside at which it stood [m]."""
@@ -308,10 +257,10 @@ class CornerSearch:
         angle = _GOLDEN * self._tries
         beside = self._pitch * np.array([math.cos(angle), math.sin(angle), 0.0])
         # From here, not from the middle, most of the opening catches the corner.
-        away = -0.7 * self._size
-        if self._side < 0.0:
-            away = min(0.7 * self._size, _AWAY)
-        first = self._part_corner + away * self._along
+        away = -0.7 * self._led.size
+        if self._opening.is_post:
+            away = min(0.7 * self._led.size, _AWAY)
+        first = self._led.on_part + away * self._led.along
         middle = first + min(self._tries, 1) * beside
         self._path = [middle, *self._rings(middle)]
         self._tries += 1
@@ -327,43 +276,11 @@ class CornerSearch:
                 points.append(middle + radius * circle)
         return points
 
-    def _look(self) -> None:
-        """Take from the arm's state where the corner is, in the fixture's frame."""
-        state, seen = self._env.state, self._env.tracker.estimate().pose
-        goal = self._env.task.goal(seen)
-        self._rotation: Mat33 = matrix_from_quat(seen.quat_wxyz)
-        R = self._rotation.T
-        turn = quat_multiply(state.tool.quat_wxyz, quat_conjugate(goal.quat_wxyz))
-        self._turned: Vec3 = R @ rotation_error(state.tool.quat_wxyz, goal.quat_wxyz)
-        turned = R @ matrix_from_quat(turn) @ self._rotation
-        self._end: Vec3 = R @ (state.tool.position - seen.position)
-        self._corner: Vec3 = self._end + turned @ self._part_corner
-        self._velocity: Vec3 = R @ state.tool.velocity[:3]
-        self._yaw = math.atan2(turned[1, 0], turned[0, 0])
-
-    def _action(self, force: Vec3, tilt: float, turn: float) -> NDArray[np.float32]:
-        """Return the action that commands f* [m/s2], a tilt and a turn [rad]."""
-        axis = self._rotation @ self._tilt_axis
-        tilted = matrix_from_quat(quat_from_vector(tilt * axis))
-        turned = self._rotation @ (self._given + turn * _UP)
-        R = matrix_from_quat(quat_from_vector(turned)) @ tilted
-        # The turns about the world's z, y, x, one after the other, that make R.
-        about_z = math.atan2(-R[0, 1], R[0, 0])
-        about_y = math.asin(R[0, 2])
-        about_x = math.atan2(-R[1, 2], R[2, 2])
-        asked = np.array([*(self._rotation @ force), about_z, about_y, about_x])
-        return np.clip(asked / self._scale, -1.0, 1.0).astype(np.float32)
-
-    def _towards(self, velocity: Vec3) -> Vec3:
-        """Return the f* that moves the part at a velocity [m/s] in free air."""
-        R = self._rotation
-        return R.T @ (self._damping * (R @ velocity))
-
     def _is_still(self, steps: int) -> bool:
         """Say whether the part has stood for so many steps; speeds are too noisy."""
         if len(self._track) <= steps:
             return False
-        way = self._end - self._track[-1 - steps]
+        way = self._part.end - self._track[-1 - steps]
         return bool(np.linalg.norm(way) < _STILL * steps * POLICY_PERIOD)
 
     def _is_in(self, is_stuck: bool = False) -> bool:
@@ -373,10 +290,10 @@ class CornerSearch:
             is_stuck: Something holds it, an edge of the opening if it is a bit lower.
         """
         drop = 0.4 * self._drop if is_stuck else self._drop
-        is_in = bool(self._corner[2] < self._surface - drop)
+        is_in = bool(self._part.corner[2] < self._surface - drop)
         if is_in:
-            shift = 0.15 * (self._size * self._to_walls)
-            self._fell_at = self._corner * _LEVEL + shift
+            shift = 0.15 * (self._led.size * self._led.to_walls)
+            self._fell_at = self._part.corner * _LEVEL + shift
         return is_in
 
     @property
@@ -391,58 +308,52 @@ class CornerSearch:
 
     def _is_beside(self) -> bool:
         """Say whether the corner is where no opening that it fell into can be."""
-        return math.dist(self._corner[:2], self._fell_at[:2]) > self._wide
+        return math.dist(self._part.corner[:2], self._fell_at[:2]) > self._opening.wide
 
     def _is_astray(self) -> bool:
         """Say whether the part was pushed away, to where no path leads."""
-        return math.hypot(*self._end[:2]) > self._farthest
+        return math.hypot(*self._part.end[:2]) > self._farthest
 
     def _go_over(self) -> tuple[Vec3, float]:
         """Go through free air to where the path begins."""
         c = self.config
-        way = self._path[0] - self._corner
+        way = self._path[0] - self._part.corner
         beside = float(np.abs(way[:2]).max())
         # Near the surface the arm is slow: what is far beside goes there above it.
         height = c.over if beside < _BESIDE else max(self._above, self._fast_from)
-        way[2] = height - self._corner[2]
+        way[2] = height - self._part.corner[2]
         if max(beside, abs(way[2])) < _NEAR:
             self._begin(self._touch)
-        if self._corner[2] < 0.6 * c.over:  # perhaps beside the fixture: up first
+        if self._part.corner[2] < 0.6 * c.over:  # perhaps beside the fixture: up first
             way = np.array([0.0, 0.0, way[2] + _NEAR])
             if self._is_still(_STUCK_STEPS):  # a part of the fixture hangs over it
                 self._begin(self._go_out)
         # What is deep in the opening, or beside the fixture, comes out upright.
-        tilt = self.config.tilt if self._end[2] > self._surface - _DEEP else 0.0
-        return self._through_air(way), tilt
-
-    def _through_air(self, way: Vec3) -> Vec3:
-        """Return the f* that makes up a way [m] through free air."""
-        velocity = way / _RESPONSE
-        most = float(np.abs(velocity).max())
-        return self._towards(velocity * min(1.0, self._air_speed / max(most, 1e-9)))
+        tilt = self.config.tilt if self._part.end[2] > self._surface - _DEEP else 0.0
+        return self._part.through_air(way), tilt
 
     def _lower(self) -> tuple[Vec3, float]:
         """Go upright to where the opening is believed, and down on it."""
         c = self.config
-        self._was_above |= bool(self._end[2] > 0.5 * c.over)
+        self._was_above |= bool(self._part.end[2] > 0.5 * c.over)
         if not self._was_above:  # it fell in, or beside the fixture: up first
             if self._is_still(_STUCK_STEPS):
                 self._begin(self._go_out)
-            return self._shaken() + self._through_air(_PULL * _UP), 0.0
+            return self._shaken() + self._part.through_air(_PULL * _UP), 0.0
         if self._is_lowered_in():
             return self._push()
-        is_low = self._end[2] < c.over and self._is_still(_TOUCH_STEPS)
+        is_low = self._part.end[2] < c.over and self._is_still(_TOUCH_STEPS)
         if is_low or self._is_still(_STUCK_STEPS):
             if self._winds:
-                self._surface = self._level = float(self._end[2])
+                self._surface = self._level = float(self._part.end[2])
                 self._step_at = np.zeros(3)
             self._begin(self._wind if self._winds else self._settle)
-        way = -self._end
-        if float(np.abs(self._end[:2]).max()) > _UPRIGHT:
-            way[2] = self._above - self._end[2]
-        elif self._end[2] < 2.0 * c.over:
-            way[2] = -c.touch_speed * _RESPONSE
-        return self._through_air(way), 0.0
+        way = -self._part.end
+        if float(np.abs(self._part.end[:2]).max()) > _UPRIGHT:
+            way[2] = self._above - self._part.end[2]
+        elif self._part.end[2] < 2.0 * c.over:
+            way[2] = -c.touch_speed * RESPONSE
+        return self._part.through_air(way), 0.0
 
     def _settle(self) -> tuple[Vec3, float]:
         """Press the upright part, and go round and round where it stands."""
@@ -453,14 +364,14 @@ class CornerSearch:
             self._search()
         phase = 2.0 * math.pi * self._steps / self._around
         push = c.stir * np.array([math.cos(phase), math.sin(phase), 0.0])
-        push -= _HOLD * self._end * _LEVEL
+        push -= _HOLD * self._part.end * _LEVEL
         return push - c.slide_press * _UP, 0.0
 
     def _is_lowered_in(self) -> bool:
         """Say whether the upright part is in the opening; then it is pushed on."""
-        if self._end[2] > -_DEEP:
+        if self._part.end[2] > -_DEEP:
             return False
-        self._fell_at = self._corner * _LEVEL
+        self._fell_at = self._part.corner * _LEVEL
         self._begin(self._push)
         return True
 
@@ -469,24 +380,24 @@ class CornerSearch:
         if self._steps > _OUT_STEPS:
             self._winds = False
             self._begin(self._go_over)
-        away = self._end * _LEVEL
+        away = self._part.end * _LEVEL
         speed = self._slide_speed / max(float(np.linalg.norm(away)), 1e-9)
-        return self._towards(speed * away), 0.0
+        return self._part.towards(speed * away), 0.0
 
     def _touch(self) -> tuple[Vec3, float]:
         """Go down until something is in the way."""
         c, is_still = self.config, self._is_still(_TOUCH_STEPS)
-        if self._is_in(is_still and self._side < 0.0):
+        if self._is_in(is_still and self._opening.is_post):
             self._begin(self._seat)
         elif is_still:
-            self._surface = float(self._corner[2])
+            self._surface = float(self._part.corner[2])
             self._is_touched = True
             self._begin(self._slide)
         way: Vec3 = np.zeros(3)
-        if self._has_steps:  # what ends near its opening is missed by a drift
-            way = (self._path[0] - self._corner) * _LEVEL / _RESPONSE
+        if self._opening.has_steps:  # what ends near its opening is missed by a drift
+            way = (self._path[0] - self._part.corner) * _LEVEL / RESPONSE
             way *= min(1.0, c.touch_speed / max(float(np.linalg.norm(way)), 1e-9))
-        return self._towards(way - c.touch_speed * _UP), c.tilt
+        return self._part.towards(way - c.touch_speed * _UP), c.tilt
 
     def _slide(self) -> tuple[Vec3, float]:
         """Slide over the surface, along the path, until the corner falls in."""
@@ -496,7 +407,7 @@ class CornerSearch:
         if self._is_in(is_stuck):
             self._begin(self._seat)
             return press, tilt
-        here = self._corner[:2]
+        here = self._part.corner[:2]
         while self._path and math.dist(self._path[0][:2], here) < self._pitch:
             self._path.pop(0)
         if is_stuck and self._path:
@@ -505,41 +416,50 @@ class CornerSearch:
         if not self._path:
             self._search()
             return -press, tilt
-        way = (self._path[0] - self._corner) * _LEVEL
+        way = (self._path[0] - self._part.corner) * _LEVEL
         velocity = self._slide_speed * way / np.linalg.norm(way)
-        lacking = velocity - self._velocity * _LEVEL
+        return self._slid(velocity) + press, tilt
+
+    def _slid(self, velocity: Vec3) -> Vec3:
+        """Return the f* that slides the part at a level velocity [m/s].
+
+        What it lacks of that is friction, and is added up.
+        """
+        c, part = self.config, self._part
+        lacking = velocity - part.velocity * _LEVEL
         more = self._friction + c.slide_rate * POLICY_PERIOD * lacking
         size = float(np.linalg.norm(more))
         self._friction = more * min(1.0, c.friction / max(size, 1e-9))
-        push = self._towards(velocity) + c.slide_gain * lacking + self._friction
-        return push + press, tilt
+        return part.towards(velocity) + c.slide_gain * lacking + self._friction
 
     def _seat(self) -> tuple[Vec3, float]:
         """Push the corner into the opening's corner: then the end lies in the mouth."""
         c = self.config
-        towards = self._to_walls
-        way = (self._end - self._track[0]) * _LEVEL
+        towards = self._led.to_walls
+        way = (self._part.end - self._track[0]) * _LEVEL
         size = float(np.linalg.norm(way))
         if size > _SLID and way @ towards > 0.0:
             # Along the wall that it slides on already: what presses on it is friction.
             towards = towards + way / size
             towards /= np.linalg.norm(towards)
-        if self._end[2] < -self._beside:
+        if self._part.end[2] < -self._beside:
             self._search()
-        elif self._corner[2] > self._surface - _LOST and self._steps > _TOUCH_STEPS:
+        elif (
+            self._part.corner[2] > self._surface - _LOST and self._steps > _TOUCH_STEPS
+        ):
             self._cross()
         elif self._is_seated() or self._steps > _SEAT_STEPS:
             self._begin(self._straighten)
-        lacking = self._slide_speed - float(self._velocity @ self._to_walls)
+        lacking = self._slide_speed - float(self._part.velocity @ self._led.to_walls)
         growth = self._growth + c.seat_rate * POLICY_PERIOD * lacking
         self._growth = min(growth, c.friction)
         return self._pushed(c.seat_push + self._growth, towards), c.tilt
 
     def _is_seated(self) -> bool:
         """Say whether the end lies in the mouth, or its bore's corner at the post."""
-        if self._side < 0.0 or self._is_pin:
+        if self._opening.is_post or self._opening.is_pin:
             return self._is_still(_STILL_STEPS)
-        return bool(self._end[2] - self._surface < 0.3 * _DEEP)
+        return bool(self._part.end[2] - self._surface < 0.3 * _DEEP)
 
     def _cross(self) -> None:
         """Begin again, led beside the way on which the corner came through the opening.
@@ -547,10 +467,10 @@ class CornerSearch:
         It went along a chord, on whose perpendicular through the middle lies the
         opening's middle, to the one side or the other.
         """
-        middle = 0.5 * (self._fell_at + self._corner) * _LEVEL
-        beside = 0.25 * self._wide * self._tilt_axis
+        middle = 0.5 * (self._fell_at + self._part.corner) * _LEVEL
+        beside = 0.25 * self._opening.wide * self._led.tilt_axis
         self._search()
-        if self._others:
+        if self._opening.is_notched:
             return
         self._path[:0] = [middle + beside, middle - beside]
 
@@ -561,33 +481,45 @@ class CornerSearch:
         if share >= 1.0:
             self._begin(self._push)
         tilt = c.tilt + min(1.0, share) * (self._leaning - c.tilt)
-        return self._pushed(c.hold_push, self._to_walls), tilt
+        return self._pushed(c.hold_push, self._led.to_walls), tilt
 
     def _push(self) -> tuple[Vec3, float]:
         """Push the part in; where that does not help, go back to where it fell in."""
         leaning = 0.0 if self._winds else self._leaning
-        deep = self._surface - _DEEP - leaning * self._lever
-        is_out = self._end[2] > deep
-        is_lost = leaning > 0.0 and self._corner[2] > self._surface - _LOST
+        deep = self._surface - _DEEP - leaning * self._led.lever
+        is_out = self._part.end[2] > deep
+        is_lost = leaning > 0.0 and self._part.corner[2] > self._surface - _LOST
         wait = self._around if is_out else _PUSH_STEPS
         is_stuck = self._is_still(_STILL_STEPS) and self._steps > wait
-        is_beside = self._has_steps and math.hypot(*self._end[:2]) > self._room
-        if self._end[2] < -self._depth - _BESIDE or (is_beside and not is_out):
+        is_beside = (
+            self._opening.has_steps and math.hypot(*self._part.end[:2]) > self._room
+        )
+        if self._part.end[2] < -self._opening.depth - _BESIDE or (
+            is_beside and not is_out
+        ):
             self._search()
         elif is_stuck and self._is_at_step():
-            self._level = float(self._end[2])
+            self._level = float(self._part.end[2])
             # In turn about where it is believed, and about where the part stands.
             is_here = self._steps_met % 2 == 1
-            self._step_at = self._end * _LEVEL if is_here else np.zeros(3)
+            self._step_at = self._part.end * _LEVEL if is_here else np.zeros(3)
             self._steps_met += 1
             self._begin(self._wind)
             return self._wind()
         elif is_stuck and not is_out and self._askew > 0.0:
-            if not self._is_touched and self._end[2] > self._surface - self._unsure:
-                self._surface = float(self._corner[2])  # lower than it was believed
+            if (
+                not self._is_touched
+                and self._part.end[2] > self._surface - self._unsure
+            ):
+                self._surface = float(
+                    self._part.corner[2]
+                )  # lower than it was believed
                 self._search()
             else:
-                self._level, self._upright = float(self._end[2]), self._yaw * _UP
+                self._level, self._upright = (
+                    float(self._part.end[2]),
+                    self._part.yaw * _UP,
+                )
                 self._begin(self._rock)
                 return self._rock()
         elif is_lost or is_stuck:
@@ -595,68 +527,61 @@ class CornerSearch:
         elif is_out:
             return self._stirred(), leaning
         else:
-            self._turn = self._yaw  # as the opening's walls turn it
+            self._turn = self._part.yaw  # as the opening's walls turn it
         back: Vec3 = np.zeros(3)
-        if self._has_steps and not is_out:  # a wide place below leads it nowhere
+        if (
+            self._opening.has_steps and not is_out
+        ):  # a wide place below leads it nowhere
             if self._fell_in is None:
-                self._fell_in = self._end
-            back = _HOLD * (self._fell_in - self._end) * _LEVEL
+                self._fell_in = self._part.end
+            back = _HOLD * (self._fell_in - self._part.end) * _LEVEL
         return back + self._shaken() - self.config.press * _UP, 0.0
 
     def _go_back(self) -> None:
         """Begin again where the corner fell in."""
         self._search()
-        if not self._others:
+        if not self._opening.is_notched:
             self._path.insert(0, self._fell_at)
 
     def _rock(self) -> tuple[Vec3, float]:
         """Tilt on a spiral what is stuck, as it may be held askew, until it goes on."""
-        if self._end[2] < self._level - _FALLEN:
-            self._level = float(self._end[2])
+        if self._part.end[2] < self._level - _FALLEN:
+            self._level = float(self._part.end[2])
             self._steps = 0
-            self._upright = self._turned
-        time, turns = self._steps * POLICY_PERIOD, _ROCK_TURNS
-        radius = math.sqrt(time * _ROCK * turns / math.pi)
+            self._upright = self._part.turned
+        radius, out = _spiral(self._steps * POLICY_PERIOD * _ROCK, _ROCK_TURNS)
         if radius >= self._askew:
             self._go_back()
             return self.config.press * _UP, 0.0
-        angle = 2.0 * math.pi * radius / turns
-        around = np.array([math.cos(angle), math.sin(angle), 0.0])
-        self._given = self._upright + radius * around
+        self._given = self._upright + radius * out
         return self._shaken() - self.config.press * _UP, 0.0
 
     def _is_at_step(self) -> bool:
         """Say whether what holds the part may be a step inside the opening."""
-        x, y, z = self._end.tolist()
+        x, y, z = self._part.end.tolist()
         last = min(self._level, self._surface)
-        is_lower = -self._depth - _STEP < z < last - _STEP
-        return self._has_steps and is_lower and math.hypot(x, y) < _ROOM
+        is_lower = -self._opening.depth - _STEP < z < last - _STEP
+        return self._opening.has_steps and is_lower and math.hypot(x, y) < _ROOM
 
     def _wind(self) -> tuple[Vec3, float]:
         """Slide upright on a spiral, at a step inside, until the part falls on."""
         c = self.config
-        if self._end[2] < self._level - _FALLEN:
-            self._fell_at = self._corner * _LEVEL
+        if self._part.end[2] < self._level - _FALLEN:
+            self._fell_at = self._part.corner * _LEVEL
             self._begin(self._push)
             return -c.press * _UP, 0.0
         sway = 2.0 * math.pi * _SWAYS * self._steps * POLICY_PERIOD
         self._turn = _SWAY * math.sin(sway)
-        radius = math.sqrt(self._steps * POLICY_PERIOD * _WIND * self._turns / math.pi)
+        radius, out = _spiral(self._steps * POLICY_PERIOD * _WIND, self._turns)
         if radius > _WIDEST:
             self._search()
             return c.press * _UP, 0.0
-        angle = 2.0 * math.pi * radius / self._turns
-        out = np.array([math.cos(angle), math.sin(angle), 0.0])
         target = self._step_at + radius * out
         along = np.cross(_UP, out)
-        velocity = _WIND * along + _FOLLOW * (target - self._end) * _LEVEL
-        lacking = velocity - self._velocity * _LEVEL
-        more = self._friction + c.slide_rate * POLICY_PERIOD * lacking
-        size = float(np.linalg.norm(more))
-        self._friction = more * min(1.0, c.friction / max(size, 1e-9))
-        push = self._towards(velocity) + c.slide_gain * lacking + self._friction
+        velocity = _WIND * along + _FOLLOW * (target - self._part.end) * _LEVEL
         is_caught = self._is_still(_TOUCH_STEPS)  # by an edge: up, over it
-        return push + (c.press if is_caught else -c.slide_press) * _UP, 0.0
+        press = c.press if is_caught else -c.slide_press
+        return self._slid(velocity) + press * _UP, 0.0
 
     def _stirred(self) -> Vec3:
         """Return a push into the opening's corner that tries all places and turns.
@@ -668,11 +593,11 @@ class CornerSearch:
         phase = 2.0 * math.pi * self._steps / self._around
         if self._leaning > 0.0 and not self._winds:
             self._turn = c.turn * math.sin(phase)
-            return c.lean * self._to_walls - c.press * _UP
+            return c.lean * self._led.to_walls - c.press * _UP
         around = c.stir * (1.0 + math.cos(phase))
         return (
-            around * self._to_walls
-            + c.stir * math.sin(phase) * self._tilt_axis
+            around * self._led.to_walls
+            + c.stir * math.sin(phase) * self._led.tilt_axis
             - c.press * _UP
         )
 
@@ -684,7 +609,7 @@ class CornerSearch:
 
     def _shaken(self) -> Vec3:
         phase = 2.0 * math.pi * _SHAKES * self._steps * POLICY_PERIOD
-        return self.config.shake * math.sin(phase) * self._tilt_axis
+        return self.config.shake * math.sin(phase) * self._led.tilt_axis
 
 
 def _outline_of(env: ContactEnv) -> Outline:
@@ -703,48 +628,13 @@ def _outline_of(env: ContactEnv) -> Outline:
     return outline
 
 
-def _far_corners(opening: Array, radius: float) -> list[Array]:
-    """Return an opening's corners that are far from its middle, spread in their order.
+def _spiral(length: float, turns: float) -> tuple[float, Vec3]:
+    """Return the radius and the direction that a spiral has reached, level.
 
     Args:
-        opening: Closed line [m].
-        radius: Distance of the farthest one [m].
+        length: Way along it [m, rad].
+        turns: Distance between two turns of it [m, rad].
     """
-    far = [one for one in opening[:-1] if math.hypot(*one) > _FAR * radius]
-    turned = sorted(range(len(far)), key=lambda i: i / _SPREAD % 1.0)
-    return [far[i] for i in turned]
-
-
-def _size_of(opening: Array, radius: float) -> float:
-    """Return the width in which a corner can fall in, of a circle its radius [m].
-
-    Args:
-        opening: Closed line.
-        radius: Distance of its farthest corner from the middle [m].
-    """
-    return min(radius, 2.0 * _inner_radius(opening))
-
-
-def _middle_of(outline: Outline) -> Array:
-    """Return the middle of a post, or of an opening [m].
-
-    An opening's is 0 0, unless it was drawn beside that or with an edge next to it:
-    then it is the centre of its area.
-    """
-    line = outline.opening
-    centre = area_centre(line[:-1])
-    own, most = float(_rooms(line).min()), float(_rooms(line - centre).min())
-    is_beside = own < min(_BESIDE_MIDDLE * most, most)
-    return centre if outline.is_post or is_beside else np.zeros(2)
-
-
-def _inner_radius(opening: Array) -> float:
-    """Return the distance from the origin to the nearest edge of a closed line [m]."""
-    return float(np.abs(_rooms(opening)).min())
-
-
-def _rooms(opening: Array) -> Array:
-    """Return how far the origin is to the left of each edge of a closed line [m]."""
-    begin, way = opening[:-1], np.diff(opening, axis=0)
-    area = begin[:, 0] * way[:, 1] - begin[:, 1] * way[:, 0]
-    return area / np.linalg.norm(way, axis=1)
+    radius = math.sqrt(length * turns / math.pi)
+    angle = 2.0 * math.pi * radius / turns
+    return radius, np.array([math.cos(angle), math.sin(angle), 0.0])
