@@ -22,7 +22,9 @@ from dovetail.evaluation.evaluate import EvaluationConfig, evaluate, name_ground
 from dovetail.evaluation.origin import command_line, shared_engine
 from dovetail.learn.policy import Policy, find_policy
 from dovetail.plants.twin import load_twin
+from dovetail.robots.iiwa14 import iiwa14
 from dovetail.settings import values_of
+from dovetail.tasks.peg_in_hole.task import PegInHole
 
 HEXAGON = {"peg": "hexagon"}
 
@@ -123,16 +125,23 @@ def test_a_twin_in_the_engine_of_the_training_is_noted(config, finished, policy_
     assert note in (evaluation.folder / "report.html").read_text()
     content = json.loads((evaluation.folder / "report.json").read_text())
     assert any(note in one for one in content["notes"])
-    policy = Policy.load(policy_file).metadata
-    assert "both mujoco" in shared_engine(
-        replace(config, twin=None, arm="twin:easy"), policy
+    policy, cell = Policy.load(policy_file).metadata, PegInHole().workcell(iiwa14())
+    assert "--plant bullet" in shared_engine(
+        replace(config, twin=None, arm="twin:easy"), policy, cell
     )
     for other in (
         policy | {"env": policy["env"] | {"plant": "bullet"}},
         policy | {"provenance": {"config": {"arm": "twin:easy"}}},
     ):
-        assert shared_engine(config, other) == ""
-    assert shared_engine(replace(config, twin=None, plant="mujoco"), policy) == ""
+        assert shared_engine(config, other, cell) == ""
+    here = replace(config, twin=None, plant="mujoco")
+    assert shared_engine(here, policy, cell) == ""
+
+
+def test_where_bullet_cannot_build_a_part_another_engine_is_named(config, policy_file):
+    policy = Policy.load(policy_file).metadata
+    cell = PegInHole(peg="triangle").workcell(iiwa14())
+    assert "--plant drake" in shared_engine(config, policy, cell)
 
 
 def test_a_twin_file_of_the_users_own_works(config, tmp_path):

@@ -176,7 +176,7 @@ def _notes(
     """Return what a reader of the numbers must know; an empty text for nothing."""
     return [
         other_period(options["period"], policy),
-        shared_engine(config, policy),
+        shared_engine(config, policy, cell),
         other_cell(config, policy),
         other_robot(options, policy),
         lacking_inertia(config, cell.robot),

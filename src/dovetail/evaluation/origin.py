@@ -22,6 +22,7 @@ from dovetail.robots.robot import Robot
 from dovetail.settings import values_of
 from dovetail.tasks.fixture_pose import FixturePose
 from dovetail.workcell.cell_config import CellConfig
+from dovetail.workcell.workcell import Workcell
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,12 +50,15 @@ def _address(config: EvaluationConfig) -> ArmAddress:
     return local_address(config.plant or "", config.twin)
 
 
-def shared_engine(config: EvaluationConfig, policy: Mapping[str, Any]) -> str:
+def shared_engine(
+    config: EvaluationConfig, policy: Mapping[str, Any], cell: Workcell
+) -> str:
     """Say that twin and training had the same physics engine; empty where not.
 
     Args:
         config: The settings.
         policy: The policy's description.
+        cell: Of the tries: PyBullet does not build every part.
     """
     twin = _address(config).twin
     trained_on: Any = policy.get("provenance")
@@ -66,9 +70,12 @@ def shared_engine(config: EvaluationConfig, policy: Mapping[str, Any]) -> str:
     if policy["env"].get("plant") != engine:
         return ""
     other = "mujoco" if engine == "bullet" else "bullet"
+    if cell.meshes():
+        other = "drake" if engine == "mujoco" else "mujoco"
     return (
         f"the policy's training and this twin are both {engine}, which tells less "
-        f"about transfer; train with --plant {other}, or try it on a twin in {other}"
+        f"about transfer; train with --plant {other}, or try it on a twin whose file "
+        f'says engine = "{other}"'
     )
 
 

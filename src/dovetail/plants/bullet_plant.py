@@ -78,10 +78,8 @@ class BulletPlant:
             MissingDependencyError: PyBullet is not installed.
             ConfigError: A part has a prism or another convex mesh.
         """
-        shapes = [*cell.tool_primitives(), *cell.fixture.primitives]
-        kinds = ("prism", "convex")
-        shapes += [s for piece in cell.moving() for s in piece.primitives]
-        if mesh := next((s for s in shapes if s.kind in kinds), None):
+        if meshes := cell.meshes():
+            mesh = meshes[0]
             raise ConfigError(
                 f"plant 'bullet' cannot build the {mesh.kind} {mesh.name!r} of "
                 f"{cell.name}: a convex mesh carries a 1 mm margin in PyBullet, more "

@@ -145,6 +145,12 @@ class Workcell:
             )
         return tuple(piece.joint for piece in self.moving())
 
+    def meshes(self) -> list[Primitive]:
+        """Return the shapes that engines build as convex meshes, those of tool too."""
+        shapes = [*self.tool_primitives(), *self.fixture.primitives]
+        shapes += [shape for piece in self.moving() for shape in piece.primitives]
+        return [shape for shape in shapes if shape.kind in ("prism", "convex")]
+
     def moving(self) -> tuple[Moving, ...]:
         """Return what moves, in the order of `joints`, each in its part's frame."""
         return (*self.held.moving, *self.fixture.moving)
