@@ -37,7 +37,7 @@ def test_the_shipped_policies_run_where_they_were_trained_for(name):
     policy = Policy.load(find_policy(name))
     settings = policy_settings(policy.metadata)
     # Settings that an older file does not have, and one that is chosen by the arm.
-    later = {"also", "recall", "script", "correction", "fall_back", "cell"}
+    later = {"without", "also", "recall", "script", "correction", "fall_back", "cell"}
     later |= {"grasp_error", "grasp_turn", "tilt", "facing", "tare"}
     own = own_options(task_class(known_env_id(policy.metadata)))
     known = {*CHOSEN, *own}

@@ -118,7 +118,11 @@ class ControlConfig:
 
 @settings()
 class ObservationConfig:
-    """Observation of the policy: the task's columns, and more."""
+    """Observation of the policy: the task's columns, more of them, or fewer."""
+
+    without: tuple[str, ...] = ()
+    """Columns of the task's that the policy does not see: joints, velocity, ...
+    Without joints it fits any arm on which it acts in the same way."""
 
     also: tuple[str, ...] = ()
     """Columns the policy sees beside the task's: tilt, mouth, spin or wrench.

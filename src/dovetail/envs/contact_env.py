@@ -37,6 +37,7 @@ from dovetail.envs.workspace import (
     require_inside,
     require_placed,
     require_plausible,
+    shown_columns,
 )
 from dovetail.errors import ConfigError, DovetailError, ReachError
 from dovetail.poses import UNMOVED, Pose, compose
@@ -82,8 +83,9 @@ class ContactEnv(
 
     ## Observation space
 
-    `Box`, the task's columns, those of `also` and `recall`, then `stack` past
-    (observation, action) pairs, newest first. Of a part that goes in from above:
+    `Box`, the task's columns but those of `without`, those of `also` and `recall`, then
+    `stack` past (observation, action) pairs, newest first. Of a part that goes in from
+    above:
 
     | index | meaning | unit unscaled | scaling | range |
     |---|---|---|---|---|
@@ -202,9 +204,10 @@ class ContactEnv(
         require_task(self.task, self.arm.facts.robot)
         if self.config.cell is not None:
             self.task.require_region(self.cell, margin_of(self.task, self.arm))
-        require_columns(self.arm, (*self.task.columns, *self.config.also))
+        own = shown_columns(self.task.columns, self.config.without)
+        require_columns(self.arm, (*own, *self.config.also))
         self.max_steps = self.config.max_steps
-        facts, seen, own = self.arm.facts, self.config, self.task.columns
+        facts, seen = self.arm.facts, self.config
         also = (name for name in seen.also if name not in own)
         zero, joints = self.task.zero_offset(), self.cell.joints
         self.scaling = Layout((*own, *also), facts.robot, zero, joints)
@@ -213,7 +216,7 @@ class ContactEnv(
             self._walls = tuple(tool.x_min), tuple(tool.x_max)
         self.violations = ViolationCounter(facts.robot, *self._walls)
         self.places_fixture = facts.traits.places_fixture
-        self._is_tilting = "tilt" in own
+        self._is_tilting = "tilt" in self.task.columns
         self._is_counted = type(self.task).counted is not Task.counted
         self._target = _core.Target()
         size = len(self.commands)

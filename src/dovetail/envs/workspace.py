@@ -215,6 +215,25 @@ def require_axes(arm: Arm, axes: TaskSpec) -> None:
         )
 
 
+def shown_columns(own: Sequence[str], without: Sequence[str]) -> tuple[str, ...]:
+    """Return the column groups of a task that a policy sees.
+
+    Args:
+        own: Those of the task.
+        without: Those that are left out.
+
+    Raises:
+        ConfigError: The task does not have one that is left out.
+    """
+    if unknown := [name for name in without if name not in own]:
+        raise ConfigError(
+            f"without = {', '.join(unknown)}: the task shows no such columns; it shows "
+            f"{', '.join(own)}",
+            name="without",
+        )
+    return tuple(name for name in own if name not in without)
+
+
 def require_columns(arm: Arm, columns: Sequence[str]) -> None:
     """Refuse columns of the observation that the arm does not measure.
 
