@@ -15,7 +15,7 @@ PLUS = np.vstack([ARMS, -ARMS])
 def outline(corners, **kinds):
     """Return an outline [mm] of a fixture that is 20 mm deep."""
     closed = 1e-3 * np.array([*corners, corners[0]], dtype=float)
-    return Outline(closed, 0.05, 0.02, 0.03, **kinds)
+    return Outline(closed, 0.05, 0.02, **kinds)
 
 
 @pytest.mark.parametrize("at", [(0.0, 0.0), (8.0, 6.0), (30.0, 6.0)])

@@ -5,7 +5,7 @@ import pytest
 
 from dovetail.envs import registered
 from dovetail.envs.unwrapped import require_contact_env
-from dovetail.poses import matrix_from_quat
+from dovetail.poses import matrix_from_quat, quat_from_vector, quat_multiply
 from dovetail.search.corner import SEARCH_AXES
 from dovetail.search.led_part import LedPart
 
@@ -43,14 +43,42 @@ def test_a_turn_is_about_the_axis_of_a_tilted_fixture(tilted):
     np.testing.assert_allclose(vector, 0.1 * normal, atol=0.006)
 
 
-def test_it_is_seen_in_the_fixtures_frame(tilted):
+def test_it_is_seen_in_the_fixtures_frame(tilted, monkeypatch):
     core, part = tilted
     R = matrix_from_quat(core.fixture.quat_wxyz)
-    end = core.fixture.position + R @ part.end
-    np.testing.assert_allclose(end, core.state.tool.position, atol=1e-12)
-    assert np.linalg.norm(part.corner - part.end) == pytest.approx(np.hypot(0.01, 0.01))
-    still = np.linalg.norm(R @ part.velocity - core.state.tool.velocity[:3])
-    assert still < 1e-12
+    end, velocity, turn = np.array([1.0, 2.0, 3.0]), np.array([4.0, 5.0, 6.0]), 0.2
+    goal = core.task.goal(core.fixture).quat_wxyz
+    turned = quat_multiply(quat_from_vector(turn * R[:, 2]), goal)
+    tool = core.state.tool._replace(
+        position=core.fixture.position + R @ end,
+        quat_wxyz=turned,
+        velocity=np.append(R @ velocity, np.zeros(3)),
+    )
+    monkeypatch.setattr(core, "state", core.state._replace(tool=tool))
+    part.look(CORNER)
+    np.testing.assert_allclose(part.end, end, atol=1e-9)
+    np.testing.assert_allclose(part.velocity, velocity, atol=1e-9)
+    np.testing.assert_allclose(part.turned, [0.0, 0.0, turn], atol=1e-9)
+    assert part.yaw == pytest.approx(turn)
+    c, s = np.cos(turn), np.sin(turn)
+    out = [c * 0.01 - s * 0.01, s * 0.01 + c * 0.01, 0.0]
+    np.testing.assert_allclose(part.corner - end, out, atol=1e-9)
+
+
+def test_a_force_is_given_in_the_fixtures_frame_and_a_tilt_lowers_the_corner(tilted):
+    core, part = tilted
+    R, scale = matrix_from_quat(core.fixture.quat_wxyz), np.array(core.commands.scale)
+    force, axis = np.array([1.0, -2.0, 0.5]), np.array([-np.sqrt(0.5), np.sqrt(0.5), 0])
+    action = part.action(force, axis, 0.1, np.zeros(3)) * scale
+    np.testing.assert_allclose(action[:3], R @ force, rtol=1e-5)
+    about_z, about_y, about_x = action[3:].astype(float)
+    tilt = np.eye(3)
+    for about, angle in zip(np.eye(3)[::-1], (about_z, about_y, about_x), strict=True):
+        tilt = matrix_from_quat(quat_from_vector(angle * about)) @ tilt
+    lowered = R.T @ tilt @ R @ CORNER
+    assert lowered[2] == pytest.approx(-np.sin(0.1) * np.hypot(0.01, 0.01), rel=1e-4)
+    far = part.action(1e3 * force, axis, 0.0, np.zeros(3))
+    assert np.abs(far).max() == 1.0
 
 
 def test_a_way_through_the_air_is_made_as_fast_as_allowed(tilted):

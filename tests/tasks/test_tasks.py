@@ -211,4 +211,3 @@ def test_a_connectors_outline_is_its_port(kind):
     plug = task.held().corners
     assert (sides >= np.ptp(plug[:, :2], axis=0) + 2.0 * task.clearance - 1e-9).all()
     assert outline.depth == task.depths()[0]
-    assert outline.bottom == pytest.approx(outline.depth)  # it is open below

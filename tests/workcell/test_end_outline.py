@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.spatial import ConvexHull
 
 from dovetail.poses import quat_about_z
 from dovetail.workcell.end_outline import end_outline, hull_line, surface_points
@@ -21,6 +22,20 @@ def test_the_hull_holds_every_point_and_has_no_dent(rng):
         left = along[:, 0] * beside[:, 1] - along[:, 1] * beside[:, 0]
         assert left.min() > -1e-9
     assert {tuple(p) for p in line} <= {tuple(p) for p in points}
+
+
+@pytest.mark.parametrize("kind", ["box", "cylinder", "prism"])
+def test_no_corner_is_lost_where_a_column_is_not_quite_straight(kind, rng):
+    size = (0.01, 0.01, 0.02) if kind == "box" else (0.01, 0.02)
+    quarter = np.sqrt(0.5)
+    turns = [np.array([quarter, 0.0, quarter, 0.0]), quat_about_z(0.0)]
+    turns += [turn / np.linalg.norm(turn) for turn in rng.normal(size=(10, 4))]
+    for turn in turns:
+        for place in rng.uniform(-0.05, 0.05, size=(10, 3)):
+            shape = Primitive("one", kind, size, place, turn)
+            points = surface_points(held(shape))[:, :2]
+            area = signed_area(hull_line(points))
+            assert area == pytest.approx(ConvexHull(points).volume, rel=1e-6)
 
 
 def test_points_on_a_straight_side_are_no_corners():

@@ -3,21 +3,24 @@
 import math
 from collections.abc import Mapping, Sequence
 from io import BytesIO
-from textwrap import wrap
 from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from dovetail.evaluation.fixture_figure import draw_from_above, draw_from_side
+from dovetail.evaluation.fixture_figure import (
+    INK,
+    draw_from_above,
+    draw_from_side,
+    figure_title,
+)
 from dovetail.evaluation.outcome import Outcome
 from dovetail.tasks.task import Task
 from dovetail.workcell.parts import Part
 
 DONE = "#0b7a75"
 MISSED = "#d1495b"
-_INK = "#4a4640"
 _VIEW = 60.0  # half width of a view [mm]
 
 
@@ -45,7 +48,7 @@ def draw_paths(
         A PNG file.
     """
     figure = Figure(figsize=(3.4 * len(labels), 6.6), dpi=130, layout="constrained")
-    figure.suptitle("\n".join(wrap(title, 35 * len(labels))), fontsize=11, color=_INK)
+    figure.suptitle(figure_title(title, len(labels)), fontsize=11, color=INK)
     grid = figure.subplots(2, len(labels), squeeze=False)
     for column, label in enumerate(labels):
         tries = [outcome for outcome in outcomes if outcome.job.pose == column]
@@ -71,15 +74,15 @@ def draw_paths(
             axes.set_ylabel(f"{across} [mm]" if column == 0 else "", fontsize=8)
     for axes in grid[1]:
         axes.set_xlabel("x in the fixture's frame [mm]", fontsize=8)
-    _fit(grid, outcomes)
+    _fit(grid, outcomes, fixture)
     _add_legend(figure, done_word)
     return _png(figure)
 
 
-def _fit(grid: Any, outcomes: Sequence[Outcome]) -> None:
+def _fit(grid: Any, outcomes: Sequence[Outcome], fixture: Part) -> None:
     """Give all top views, and all side views, the same range."""
     some = [o.course.path for o in outcomes if len(o.course.path)]
-    paths = [1e3 * path for path in some or [np.zeros((1, 3))]]
+    paths = [1e3 * path for path in (*some, fixture.corners)]
     low = np.min([path.min(axis=0) for path in paths], axis=0) - 5.0
     high = np.max([path.max(axis=0) for path in paths], axis=0) + 5.0
     low, high = np.minimum(low, -_VIEW), np.maximum(high, _VIEW)
@@ -96,7 +99,7 @@ def _add_legend(figure: Any, done_word: str) -> None:
     handles = [
         Line2D([], [], color=DONE, label=done_word),
         Line2D([], [], color=MISSED, label=f"not {done_word}"),
-        Line2D([], [], color=_INK, marker="o", ls="", markersize=3, label="start"),
+        Line2D([], [], color=INK, marker="o", ls="", markersize=3, label="start"),
     ]
     figure.legend(
         handles=handles,
@@ -128,9 +131,9 @@ def draw_forces(outcomes: Sequence[Outcome]) -> bytes:
         bins = np.linspace(0.0, max(1.0, 1.05 * everything.max()), 25)
         axes.hist(split, bins, stacked=True, color=[DONE, MISSED])
         p95 = np.percentile(everything, 95)
-        axes.axvline(p95, color=_INK, linewidth=1, linestyle="--")
+        axes.axvline(p95, color=INK, linewidth=1, linestyle="--")
         title = f"95 % of the tries below {p95:.1f} N" if measured else "not measured"
-        axes.set_title(title, fontsize=9, color=_INK)
+        axes.set_title(title, fontsize=9, color=INK)
         axes.set_xlabel(name, fontsize=8)
         axes.set_ylabel("tries", fontsize=8)
         axes.tick_params(labelsize=7)
@@ -154,10 +157,10 @@ def draw_differences(lines: Mapping[str, Sequence[Sequence[float]]]) -> bytes:
     for axes, (name, rows) in zip(grid, lines.items(), strict=True):
         tries = np.arange(1, len(rows) + 1)
         value, low, high = 100.0 * np.array(rows).T
-        axes.axhline(0.0, color=_INK, linewidth=0.8)
+        axes.axhline(0.0, color=INK, linewidth=0.8)
         axes.fill_between(tries, low, high, color=DONE, alpha=0.2, linewidth=0)
         axes.plot(tries, value, color=DONE, linewidth=1.5)
-        axes.set_title(name, fontsize=10, color=_INK)
+        axes.set_title(name, fontsize=10, color=INK)
         axes.set_ylabel("difference [%]", fontsize=8)
         axes.tick_params(labelsize=7)
         axes.spines[["top", "right"]].set_visible(False)

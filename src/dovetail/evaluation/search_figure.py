@@ -3,14 +3,13 @@
 import math
 from collections.abc import Sequence
 from io import BytesIO
-from textwrap import wrap
 from typing import Any
 
 import numpy as np
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
-from dovetail.evaluation.fixture_figure import draw_from_above
+from dovetail.evaluation.fixture_figure import INK, draw_from_above, figure_title
 from dovetail.evaluation.outcome import Outcome
 from dovetail.evaluation.report import Report
 from dovetail.poses import matrix_from_quat
@@ -21,9 +20,7 @@ SHIFT = "fixture_shift [m]"
 """Key of the fixture's displacement [m] in `Conditions.perturbation`."""
 _SHOWN = 6
 """Tries at each pose of the fixture: more would hide one another."""
-_INK = "#4a4640"
 _POINTS = 400
-_WIDTH = 100
 
 
 def draw_search(report: Report, poses: Sequence[FixturePose], fixture: Part) -> bytes:
@@ -41,19 +38,20 @@ def draw_search(report: Report, poses: Sequence[FixturePose], fixture: Part) -> 
     """
     period = report.period
     figure = Figure(figsize=(3.4 * len(poses), 3.9), dpi=130, layout="constrained")
-    figure.suptitle("\n".join(wrap(report.title, _WIDTH)), fontsize=10, color=_INK)
+    figure.suptitle(figure_title(report.title, len(poses)), fontsize=10, color=INK)
     row = figure.subplots(1, len(poses), squeeze=False)[0]
     first = [o for o in report.outcomes if o.job.attempt < _SHOWN]
     shown = [o for o in first if len(o.course.path)]
     longest = max((period * len(o.course.path) for o in shown), default=1.0)
-    side = 1e3 * float(np.abs(fixture.corners[:, :2]).max())
+    shifts = (np.linalg.norm(o.conditions.perturbation[SHIFT]) for o in shown)
+    side = 1e3 * max(float(np.abs(fixture.corners[:, :2]).max()), *shifts)
     lines: Any = None
     for column, (axes, pose) in enumerate(zip(row, poses, strict=True)):
         draw_from_above(axes, fixture)
         turn = matrix_from_quat(pose.pose().quat_wxyz).T
         for outcome in (o for o in shown if o.job.pose == column):
             believed = -1e3 * (turn @ np.array(outcome.conditions.perturbation[SHIFT]))
-            axes.plot(*believed[:2], "x", color=_INK, markersize=5)
+            axes.plot(*believed[:2], "x", color=INK, markersize=5)
             lines = _draw_path(axes, outcome, period, longest)
         axes.set_xlim(-1.1 * side, 1.1 * side)
         axes.set_ylim(-1.1 * side, 1.1 * side)

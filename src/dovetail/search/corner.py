@@ -31,6 +31,7 @@ from dovetail.errors import ConfigError
 from dovetail.search.corner_config import CornerSearchConfig
 from dovetail.search.led_corner import SoughtOpening
 from dovetail.search.led_part import RESPONSE, LedPart
+from dovetail.tasks.grasp import Grasp
 from dovetail.tasks.task import Outline
 from dovetail.types import Vec3
 
@@ -44,7 +45,7 @@ _NEAR = 0.003
 _PITCH = 0.004
 """Distance between two points of the path, and from one that is reached [m]."""
 _USUAL_SIZE = 0.012
-"""Size of an opening from which path and drop are the settings' [m]; see `_size_of`."""
+"""`SoughtOpening.catch` from which path and drop are those of the settings [m]."""
 _SHALLOW, _SHALLOW_PIN = 0.15, 0.08
 """Least drop of a corner that is in a small opening, per size [1]: of a part that has
 one, and of a pin, which the others hold."""
@@ -129,17 +130,19 @@ class CornerSearch:
         self._opening = SoughtOpening(_outline_of(env), gap)
         self._led = self._opening.corners[0]
         self._part = LedPart(env, self.config.speed)
-        self._take_path(env.config.near_speed, gap)
+        self._turns = max(0.8 * gap, _CLOSEST)
+        """Distance between two turns of a spiral [m]."""
+        self._take_path(env.config.near_speed)
         self._take_heights(env)
-        self._leaning = self._without_wedging(2.0 * gap)
+        self._take_grasp(env.grasp_range)
+        self._take_leaning(2.0 * gap)
         self.reset()
 
-    def _take_path(self, near_speed: float, gap: float) -> None:
-        """Take what the opening's size scales: path, speed, drop, turns of a spiral.
+    def _take_path(self, near_speed: float) -> None:
+        """Take path, speed and drop: all less where the opening is small.
 
         Args:
             near_speed: Most speed in contact [m/s].
-            gap: On each side [m].
         """
         opening, c = self._opening, self.config
         share = min(1.0, opening.catch / _USUAL_SIZE)
@@ -161,19 +164,21 @@ class CornerSearch:
         """Speed of the slide [m/s]; a shortfall from more would count as friction."""
         self._farthest = max(c.rings) + opening.wide + _ASTRAY
         """Distance from the fixture beyond which no path leads [m]."""
-        self._turns = max(0.8 * gap, _CLOSEST)
-        """Distance between two turns of a spiral [m]."""
 
     def _take_heights(self, env: ContactEnv) -> None:
-        """Take what holds above the fixture, beside it and in it."""
+        """Take the heights above the fixture and the depth beside it."""
         top = float(env.task.fixture(0.0).corners[:, 2].max())
         self._above = max(top, 0.0) + self.config.over
         """Height of the corner above all of the fixture [m]."""
         self._fast_from = env.config.near_distance + _NEAR
         """Height above the surface from which the arm is not slow [m]."""
-        opening, held = self._opening, env.grasp_range
+        opening = self._opening
         self._beside = _BESIDE + (opening.depth if opening.has_steps else 0.0)
         """Depth of a tilted part's end that it has only beside the fixture [m]."""
+
+    def _take_grasp(self, held: Grasp) -> None:
+        """Take how far the part may sit wrong in the fingers."""
+        opening = self._opening
         self._askew = math.sqrt(2.0) * held.turn
         """Most that the part is held askew [rad]."""
         self._unsure = 0.0
@@ -183,15 +188,18 @@ class CornerSearch:
             lever = max(opening.radius, far)
             self._unsure = held.error + self._askew * lever + _DEEP
 
-    def _without_wedging(self, play: float) -> float:
-        """Return the tilt with which the part is led in [rad], 0 in a tight fit."""
+    def _take_leaning(self, play: float) -> None:
+        """Take the tilt with which the part is led in: 0 in a tight fit.
+
+        Args:
+            play: Of the part in its opening [m].
+        """
         most, c = self.config.leaning, self.config
         until_deep = _DEEP + most * self._led.lever
-        leaning = most if play > most * until_deep else 0.0
-        rate = c.turn_rate if leaning > 0.0 else c.stir_rate
+        self._leaning = most if play > most * until_deep else 0.0
+        rate = c.turn_rate if self._leaning > 0.0 else c.stir_rate
         self._around = 1.0 / (rate * POLICY_PERIOD)
         """Policy steps of one round of what is tried in the opening's corner."""
-        return leaning
 
     def reset(self) -> None:
         """Begin anew."""
@@ -209,8 +217,7 @@ class CornerSearch:
         """Return the next action; what is measured is read from the arm's state."""
         self._part.look(self._led.on_part)
         if self._has_fallen and self._is_beside():
-            self._surface = float(self._part.corner[2])  # lower than it was believed
-            self._search()
+            self._search_lower()
         elif not self._is_on_the_way and self._is_astray():
             self._search()
         self._steps += 1
@@ -265,6 +272,11 @@ class CornerSearch:
         self._path = [middle, *self._rings(middle)]
         self._tries += 1
 
+    def _search_lower(self) -> None:
+        """Begin again: the corner is on the surface, which is lower than believed."""
+        self._surface = float(self._part.corner[2])
+        self._search()
+
     def _rings(self, middle: Vec3) -> list[Vec3]:
         """Return points on circles about the middle [m]."""
         points = []
@@ -283,8 +295,8 @@ class CornerSearch:
         way = self._part.end - self._track[-1 - steps]
         return bool(np.linalg.norm(way) < _STILL * steps * POLICY_PERIOD)
 
-    def _is_in(self, is_stuck: bool = False) -> bool:
-        """Say whether the corner has fallen in, and remember where.
+    def _note_fall(self, is_stuck: bool) -> bool:
+        """Note where the corner fell in, and say whether it did.
 
         Args:
             is_stuck: Something holds it, an edge of the opening if it is a bit lower.
@@ -340,8 +352,8 @@ class CornerSearch:
             if self._is_still(_STUCK_STEPS):
                 self._begin(self._go_out)
             return self._shaken() + self._part.through_air(_PULL * _UP), 0.0
-        if self._is_lowered_in():
-            return self._push()
+        if self._is_lowered_in:
+            return self._push_from_here()
         is_low = self._part.end[2] < c.over and self._is_still(_TOUCH_STEPS)
         if is_low or self._is_still(_STUCK_STEPS):
             if self._winds:
@@ -358,8 +370,8 @@ class CornerSearch:
     def _settle(self) -> tuple[Vec3, float]:
         """Press the upright part, and go round and round where it stands."""
         c = self.config
-        if self._is_lowered_in():
-            return self._push()
+        if self._is_lowered_in:
+            return self._push_from_here()
         if self._steps > _ROUNDS * self._around:
             self._search()
         phase = 2.0 * math.pi * self._steps / self._around
@@ -367,13 +379,16 @@ class CornerSearch:
         push -= _HOLD * self._part.end * _LEVEL
         return push - c.slide_press * _UP, 0.0
 
+    @property
     def _is_lowered_in(self) -> bool:
-        """Say whether the upright part is in the opening; then it is pushed on."""
-        if self._part.end[2] > -_DEEP:
-            return False
+        """True if the end of the upright part is in the opening."""
+        return bool(self._part.end[2] <= -_DEEP)
+
+    def _push_from_here(self) -> tuple[Vec3, float]:
+        """Push in the upright part, which fell in here."""
         self._fell_at = self._part.corner * _LEVEL
         self._begin(self._push)
-        return True
+        return self._push()
 
     def _go_out(self) -> tuple[Vec3, float]:
         """Go level away from the fixture, for a time."""
@@ -387,7 +402,7 @@ class CornerSearch:
     def _touch(self) -> tuple[Vec3, float]:
         """Go down until something is in the way."""
         c, is_still = self.config, self._is_still(_TOUCH_STEPS)
-        if self._is_in(is_still and self._opening.is_post):
+        if self._note_fall(is_still and self._opening.is_post):
             self._begin(self._seat)
         elif is_still:
             self._surface = float(self._part.corner[2])
@@ -404,7 +419,7 @@ class CornerSearch:
         c, tilt = self.config, self.config.tilt
         press = -c.slide_press * _UP
         is_stuck = self._is_still(_STUCK_STEPS)
-        if self._is_in(is_stuck):
+        if self._note_fall(is_stuck):
             self._begin(self._seat)
             return press, tilt
         here = self._part.corner[:2]
@@ -444,9 +459,7 @@ class CornerSearch:
             towards /= np.linalg.norm(towards)
         if self._part.end[2] < -self._beside:
             self._search()
-        elif (
-            self._part.corner[2] > self._surface - _LOST and self._steps > _TOUCH_STEPS
-        ):
+        elif self._steps > _TOUCH_STEPS and self._is_corner_out:
             self._cross()
         elif self._is_seated() or self._steps > _SEAT_STEPS:
             self._begin(self._straighten)
@@ -454,6 +467,11 @@ class CornerSearch:
         growth = self._growth + c.seat_rate * POLICY_PERIOD * lacking
         self._growth = min(growth, c.friction)
         return self._pushed(c.seat_push + self._growth, towards), c.tilt
+
+    @property
+    def _is_corner_out(self) -> bool:
+        """True if a corner that was in the opening has come out."""
+        return bool(self._part.corner[2] > self._surface - _LOST)
 
     def _is_seated(self) -> bool:
         """Say whether the end lies in the mouth, or its bore's corner at the post."""
@@ -485,43 +503,23 @@ class CornerSearch:
 
     def _push(self) -> tuple[Vec3, float]:
         """Push the part in; where that does not help, go back to where it fell in."""
+        opening, end = self._opening, self._part.end
         leaning = 0.0 if self._winds else self._leaning
-        deep = self._surface - _DEEP - leaning * self._led.lever
-        is_out = self._part.end[2] > deep
-        is_lost = leaning > 0.0 and self._part.corner[2] > self._surface - _LOST
+        is_out = end[2] > self._surface - _DEEP - leaning * self._led.lever
+        is_lost = leaning > 0.0 and self._is_corner_out
         wait = self._around if is_out else _PUSH_STEPS
         is_stuck = self._is_still(_STILL_STEPS) and self._steps > wait
-        is_beside = (
-            self._opening.has_steps and math.hypot(*self._part.end[:2]) > self._room
-        )
-        if self._part.end[2] < -self._opening.depth - _BESIDE or (
-            is_beside and not is_out
-        ):
+        is_beside = opening.has_steps and math.hypot(*end[:2]) > self._room
+        if end[2] < -opening.depth - _BESIDE or (is_beside and not is_out):
             self._search()
         elif is_stuck and self._is_at_step():
-            self._level = float(self._part.end[2])
-            # In turn about where it is believed, and about where the part stands.
-            is_here = self._steps_met % 2 == 1
-            self._step_at = self._part.end * _LEVEL if is_here else np.zeros(3)
-            self._steps_met += 1
-            self._begin(self._wind)
-            return self._wind()
+            return self._wind_here()
         elif is_stuck and not is_out and self._askew > 0.0:
-            if (
-                not self._is_touched
-                and self._part.end[2] > self._surface - self._unsure
-            ):
-                self._surface = float(
-                    self._part.corner[2]
-                )  # lower than it was believed
-                self._search()
-            else:
-                self._level, self._upright = (
-                    float(self._part.end[2]),
-                    self._part.yaw * _UP,
-                )
+            if self._is_touched or end[2] <= self._surface - self._unsure:
+                self._level, self._upright = float(end[2]), self._part.yaw * _UP
                 self._begin(self._rock)
                 return self._rock()
+            self._search_lower()
         elif is_lost or is_stuck:
             self._go_back()
         elif is_out:
@@ -529,13 +527,24 @@ class CornerSearch:
         else:
             self._turn = self._part.yaw  # as the opening's walls turn it
         back: Vec3 = np.zeros(3)
-        if (
-            self._opening.has_steps and not is_out
-        ):  # a wide place below leads it nowhere
+        if opening.has_steps and not is_out:
+            # Below a step the place may be wide, and lead the part nowhere.
             if self._fell_in is None:
-                self._fell_in = self._part.end
-            back = _HOLD * (self._fell_in - self._part.end) * _LEVEL
+                self._fell_in = end
+            back = _HOLD * (self._fell_in - end) * _LEVEL
         return back + self._shaken() - self.config.press * _UP, 0.0
+
+    def _wind_here(self) -> tuple[Vec3, float]:
+        """Begin a spiral at a step inside the opening.
+
+        It is in turn about where the opening is believed, and about where the part is.
+        """
+        self._level = float(self._part.end[2])
+        is_here = self._steps_met % 2 == 1
+        self._step_at = self._part.end * _LEVEL if is_here else np.zeros(3)
+        self._steps_met += 1
+        self._begin(self._wind)
+        return self._wind()
 
     def _go_back(self) -> None:
         """Begin again where the corner fell in."""

@@ -55,7 +55,7 @@ class SoughtOpening:
         self.outer = outline.outer
         """Half side of the square around the fixture [m]."""
         self.depth = outline.depth
-        """Of the part's end below the mouth when the task is done [m]."""
+        """Depth of the part's end below the mouth when the task is done [m]."""
         self.middle = _middle_of(outline)
         """Its middle, x y [m]."""
         line = outline.opening - self.middle
@@ -65,7 +65,7 @@ class SoughtOpening:
         self.catch = min(self.radius, 2.0 * room)
         """Width in which a corner can fall in, of a circle its radius [m]."""
         inward = gap / max(room, gap, 1e-9)
-        self._shrunk = 1.0 + inward if self.is_post else 1.0 - inward
+        self._part_per_opening = 1.0 + inward if self.is_post else 1.0 - inward
         corner = outline.corner
         if corner is None:
             corner = self.middle + max(line, key=lambda point: float(point @ point))
@@ -87,7 +87,7 @@ class SoughtOpening:
         out = corner - self.middle
         radius = math.hypot(*out)
         along: Vec3 = np.append(out / radius, 0.0)
-        size = self._shrunk * radius
+        size = self._part_per_opening * radius
         on_part = np.append(self.middle, 0.0) + size * along
         ahead = max(float(on_part @ along), size)
         return LedCorner(

@@ -63,9 +63,7 @@ class Outline(NamedTuple):
     outer: float
     """Half side of the square around the fixture."""
     depth: float
-    """Depth of the opening below z = 0."""
-    bottom: float
-    """Lower face of the fixture, below z = 0; equal to the depth where it is open."""
+    """Depth of the held part's end below z = 0 when the task is done."""
     is_straight: bool = True
     """True if the opening is the same from mouth to floor: no step is inside."""
     is_post: bool = False

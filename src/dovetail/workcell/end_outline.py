@@ -66,7 +66,10 @@ def hull_line(points: Array) -> Array:
     Reference:
         Andrew 1979, Another efficient algorithm for convex hulls in two dimensions.
     """
-    ordered = np.unique(points, axis=0)  # by x, then y
+    # By x, then y. Rounded, as x of one column that differs by its last bit would put
+    # y out of order, and corners would be lost.
+    _, first = np.unique(points.round(9), axis=0, return_index=True)
+    ordered = points[first]
     lower, upper = _chain(ordered), _chain(ordered[::-1])
     return np.array([*lower[:-1], *upper[:-1]]).reshape(-1, 2)
 

@@ -100,7 +100,7 @@ class Connector(DrawnOpening):
         opening = np.array([[x, y], [-x, y], [-x, -y], [x, -y], [x, y]])
         corners = self.fixture(0.0).corners
         outer = float(np.abs(corners[:, :2]).max())
-        return Outline(opening, outer, DEPTH, -float(corners[:, 2].min()))
+        return Outline(opening, outer, DEPTH)
 
     def describe(self) -> list[str]:
         """Return the connector in words."""

@@ -191,8 +191,7 @@ class Insert(DrawnOpening):
         """
         pair, fixture = self._pair, self.fixture(0.0)
         outer = float(np.abs(fixture.corners[:, :2]).max())
-        bottom = -float(fixture.corners[:, 2].min())
-        sizes = outer, pair.depth, bottom
+        sizes = outer, pair.depth
         if (opening := pair.opening) is not None:
             return Outline(_closed(opening), *sizes)
         sections = sections_near_mouth(fixture, pair.depth)

@@ -80,5 +80,4 @@ class PegInHole(DrawnOpening):
             hole_outline(Peg(shape=self.peg), self.clearance),
             self.block.width / 2.0,
             self.block.depth,
-            self.block.height,
         )
