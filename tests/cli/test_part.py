@@ -95,15 +95,42 @@ def test_the_facts_are_those_of_the_hexagon(pair):
 
 
 def test_the_tightest_place_is_told_where_the_files_have_it(pair):
-    for name in ("plug.stl", "socket.stl"):
-        body = trimesh.load(name)
-        body.apply_translation([100.0, -50.0, 300.0])
-        body.export(name)
+    moved_files(trimesh.transformations.translation_matrix([100.0, -50.0, 300.0]))
     check("plug.stl", "socket.stl", "--out", "out")
     gap = json.loads(Path("out/report.json").read_text())["gap"]
     x, y, z = 1e3 * np.array(gap["at"]) - [100.0, -50.0, 300.0]
     assert -DEPTH <= z <= 0.0
     assert ACROSS / 2.0 - 1e-3 <= np.hypot(x, y) <= ACROSS / 2.0 * 1.2
+
+
+def moved_files(matrix):
+    for name in ("plug.stl", "socket.stl"):
+        body = trimesh.load(name)
+        body.apply_transform(matrix)
+        body.export(name)
+
+
+def test_the_parts_frame_is_told_in_the_files_axes(pair):
+    # About +y: what went in along -z goes in along -x, and x is the files' -z.
+    matrix = trimesh.transformations.rotation_matrix(np.pi / 2.0, [0.0, 1.0, 0.0])
+    matrix[:3, 3] = 100.0, -50.0, 300.0
+    moved_files(matrix)
+    check("plug.stl", "socket.stl", "--out", "out")
+    facts = json.loads(Path("out/report.json").read_text())
+    assert facts["axis"] == "-x"
+    frame = facts["frame"]
+    assert 1e3 * np.array(frame["origin"]) == pytest.approx([100.0, -50.0, 300.0])
+    np.testing.assert_allclose(frame["z"], [1.0, 0.0, 0.0], atol=1e-12)
+    np.testing.assert_allclose(frame["x"], [0.0, 0.0, -1.0], atol=1e-12)
+
+
+def test_a_hold_across_the_simulations_fingers_says_how_to_turn_the_files(pair, capsys):
+    moved_files(trimesh.transformations.rotation_matrix(np.radians(-80.0), [0, 0, 1]))
+    check("plug.stl", "socket.stl", "--out", "out")
+    turn = np.degrees(json.loads(Path("out/report.json").read_text())["hold"]["turn"])
+    assert turn == pytest.approx(130.0, abs=0.1)  # across two faces of the hexagon
+    said = " ".join(capsys.readouterr().out.split())
+    assert "turn both files by 50 deg" in said
 
 
 def test_a_part_is_named_after_its_folder(pair):

@@ -38,6 +38,7 @@ def rows(check: Check, *, is_axis_given: bool) -> list[tuple[str, str]]:
         ("mass of the plug", f"{1e3 * body.mass:.3g} g at {pair.density:g} kg/m3"),
         ("its inertia", " ".join(f"{m:.3g}" for m in moments) + " g mm2, principal"),
         ("way in", f"along {pair.axis} of the files, {found}; {end}"),
+        ("frame", _frame(pair)),
         ("depth", f"{1e3 * pair.depth:.2f} mm below the mouth"),
         *_gap(check),
         (
@@ -50,6 +51,22 @@ def rows(check: Check, *, is_axis_given: bool) -> list[tuple[str, str]]:
         *_stand_in(check),
         *_higher(pair),
     ]
+
+
+def _frame(pair: Conversion) -> str:
+    """Say where the part's frame is in the files: a fixture's pose is that frame's."""
+    x, y, z = 1e3 * pair.in_files(np.zeros(3))
+    along_x, along_z = (_axis(pair.turn[row]) for row in (0, 2))
+    return (
+        f"the fixture's 0 0 0, the middle of the mouth, is at ({x:.2f}, {y:.2f}, "
+        f"{z:.2f}) mm of the files; its x is {along_x}, its z {along_z} of the files"
+    )
+
+
+def _axis(direction: Vec3) -> str:
+    """Return the name of an axis with its sign, as +x."""
+    at = int(np.abs(direction).argmax())
+    return f"{'+' if direction[at] > 0.0 else '-'}{'xyz'[at]}"
 
 
 def _higher(pair: Conversion) -> list[tuple[str, str]]:
@@ -141,14 +158,20 @@ def _hold(hold: Hold) -> list[tuple[str, str]]:
     grip, stalk = hold.used_grip, hold.used_stalk
     said: list[tuple[str, str]] = []
     if grip is not None:
-        turn = round(float(np.rad2deg(grip.turn)))
+        turn = round((float(np.rad2deg(grip.turn)) + 90.0) % 180.0 - 90.0)
+        to_x = ""
+        if turn:
+            to_x = (
+                "; in the simulation they close along x: turn both files by "
+                f"{-turn} deg about the frame's z, and it is held alike"
+            )
         said.append(
             (
                 "fingers",
-                f"{1e3 * grip.width:.1f} mm apart, closing at {turn} deg from x of the "
-                f"pictures, from {1e3 * grip.low:.1f} mm above the mouth; they touch "
+                f"{1e3 * grip.width:.1f} mm apart, closing at {turn} deg from x, "
+                f"from {1e3 * grip.low:.1f} mm above the mouth; they touch "
                 f"{1e3 * grip.touching:.1f} mm of height, down to a depth of "
-                f"{1e3 * hold.bare:.1f} mm",
+                f"{1e3 * hold.bare:.1f} mm{to_x}",
             )
         )
     if stalk is not None:
@@ -189,6 +212,11 @@ def numbers(check: Check) -> dict[str, Any]:
         "centre": body.centre.tolist(),
         "inertia": body.inertia.tolist(),
         "axis": pair.axis,
+        "frame": {
+            "origin": pair.in_files(np.zeros(3)).tolist(),
+            "x": pair.turn[0].tolist(),
+            "z": pair.turn[2].tolist(),
+        },
         "depth": pair.depth,
         "through": pair.is_through,
         "gap": {
