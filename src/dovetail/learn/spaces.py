@@ -89,7 +89,8 @@ def _way_on(metadata: Mapping[str, Any], env: Any) -> str:
     return (
         f"it was trained with the robot {robot_label(str(trained))}, and here is "
         f"{robot_label(robot)}: take a policy that was trained with this one (dovetail "
-        "train --robot), or leave --robot out"
+        "train --robot) or without joint angles (--without joints), as insert_any was, "
+        "or leave --robot out"
     )
 
 
