@@ -56,7 +56,8 @@ def test_a_command_in_the_docs_is_understood(line, tmp_path, monkeypatch, capsys
         Path(name).touch()
     for example in ("06_ring_over_post", "09_open_a_drawer"):
         shutil.copy(ROOT / "examples" / f"{example}.py", f"{example[3:]}.py")
-    for part in ("hexagon.toml", "part.toml"):
+    Path("parts/knob").mkdir(parents=True)
+    for part in ("hexagon.toml", "part.toml", "parts/knob/part.toml"):
         shutil.copy(ROOT / "examples" / "hexagon.toml", part)
     Path("examples").mkdir()
     for folder in ("pairs", "held"):

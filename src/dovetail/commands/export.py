@@ -70,6 +70,6 @@ class Export(PolicyEnvConfig):
 COMMON = (
     *("model", "out", "trust", "env", "task_options", "task", "f_scale"),
     *("force_damping", "theta_range", "near_speed", "near_press"),
-    *("period", "max_steps", "without", "also", "recall", "stack", "robot", "cell"),
+    *("period", "max_steps", "also", "recall", "stack", "robot", "cell"),
 )
 """Settings that `--help` lists."""
