@@ -21,6 +21,7 @@ import subprocess
 import sys
 import tempfile
 from dataclasses import dataclass
+from functools import cache
 from io import BytesIO
 from pathlib import Path
 from typing import Any
@@ -189,6 +190,7 @@ def _page(rows: dict[str, dict[str, Any]], pairs: dict[str, str]) -> str:
     return page("A policy for each pair", parts)
 
 
+@cache  # the page is written anew after each pair
 def _draw(part: str) -> bytes:
     """Draw the held part over its fixture, small."""
     task: Any = make_task(ENV, {"part": part})
