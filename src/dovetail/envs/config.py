@@ -122,7 +122,7 @@ class ObservationConfig:
 
     without: tuple[str, ...] = ()
     """Columns of the task's that the policy does not see: joints, velocity, ...
-    Without joints it fits any arm on which it acts in the same way."""
+    Without joints it is taken on other arms of seven joints, too."""
 
     also: tuple[str, ...] = ()
     """Columns the policy sees beside the task's: tilt, mouth, spin or wrench.

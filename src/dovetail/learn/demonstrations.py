@@ -88,8 +88,8 @@ def _as_seen_by(core: ContactEnv, path: Path, steps: RecordedSteps) -> Transitio
     if missing := [name for name in names if name not in steps.columns]:
         raise LogError(
             f"the log {path} has no column {missing[0]}, which this policy sees: "
-            "record it in the environment that is trained in (the same --also), or "
-            "leave the log out"
+            "record it in the environment that is trained in (the same "
+            "--also and --without), or leave the log out"
         )
     scaling, config = core.scaling, core.config
     size = len(core.commands)

@@ -89,8 +89,8 @@ def _way_on(metadata: Mapping[str, Any], env: Any) -> str:
     return (
         f"it was trained with the robot {robot_label(str(trained))}, and here is "
         f"{robot_label(robot)}: take a policy that was trained with this one (dovetail "
-        "train --robot) or without joint angles (--without joints), as insert_any was, "
-        "or leave --robot out"
+        "train --robot) or without joint angles (--without joints), or leave --robot "
+        "out"
     )
 
 
@@ -101,7 +101,8 @@ def _require_same_columns(trained: _Spaces, here: _Spaces, way_on: str) -> None:
             raise PolicyError(
                 f"column {i} of the observation is {new_name} [{new_unit}] here and "
                 f"was {name[:40]!r} [{unit[:40]!r}] in the policy's training; choose "
-                "the task that it was trained for"
+                "the task that it was trained for, and the --without, --also and "
+                "--recall of its training"
             )
     _require_count("columns of one observation", trained.columns, here.columns)
     # Counted from one place, a height is the same number over any goal.

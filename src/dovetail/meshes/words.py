@@ -158,17 +158,17 @@ def _hold(hold: Hold) -> list[tuple[str, str]]:
     grip, stalk = hold.used_grip, hold.used_stalk
     said: list[tuple[str, str]] = []
     if grip is not None:
-        turn = round((float(np.rad2deg(grip.turn)) + 90.0) % 180.0 - 90.0)
+        turn = round((float(np.rad2deg(grip.turn)) + 90.0) % 180.0 - 90.0, 1)
         to_x = ""
         if turn:
             to_x = (
                 "; in the simulation they close along x: turn both files by "
-                f"{-turn} deg about the frame's z, and it is held alike"
+                f"{-turn:g} deg about the frame's z, and check them again"
             )
         said.append(
             (
                 "fingers",
-                f"{1e3 * grip.width:.1f} mm apart, closing at {turn} deg from x, "
+                f"{1e3 * grip.width:.1f} mm apart, closing at {turn:g} deg from x, "
                 f"from {1e3 * grip.low:.1f} mm above the mouth; they touch "
                 f"{1e3 * grip.touching:.1f} mm of height, down to a depth of "
                 f"{1e3 * hold.bare:.1f} mm{to_x}",
