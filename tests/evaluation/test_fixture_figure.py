@@ -37,7 +37,7 @@ CAP = {
 def layers(draw, fixture):
     """Return what is behind and what is cut, each as a function of a place [mm]."""
     axes = Figure().subplots()
-    draw(axes, fixture)
+    draw([axes], fixture)
     assert len(axes.collections) == 4
     return [
         lambda x, y, drawn=drawn: any(

@@ -50,13 +50,13 @@ def draw_paths(
     figure = Figure(figsize=(3.4 * len(labels), 6.6), dpi=130, layout="constrained")
     figure.suptitle(figure_title(title, len(labels)), fontsize=11, color=INK)
     grid = figure.subplots(2, len(labels), squeeze=False)
+    draw_from_above(grid[0], fixture)
+    draw_from_side(grid[1], fixture)
     for column, label in enumerate(labels):
         tries = [outcome for outcome in outcomes if outcome.job.pose == column]
         top, side = grid[0, column], grid[1, column]
         done = sum(outcome.success for outcome in tries)
         top.set_title(f"pose {label}: {done}/{len(tries)}", fontsize=10)
-        draw_from_above(top, fixture)
-        draw_from_side(side, fixture)
         for outcome in tries:
             if not len(outcome.course.path):
                 continue  # the arm ended it before the first step

@@ -23,34 +23,34 @@ _QUARTER = np.array([np.sqrt(0.5), np.sqrt(0.5), 0.0, 0.0])
 """Turn about x (wxyz) that brings y up, and z to -y."""
 
 
-def draw_from_above(axes: Any, fixture: Part) -> None:
+def draw_from_above(views: Sequence[Any], fixture: Part) -> None:
     """Draw a fixture from above in mm, darker where it reaches up to its mouth.
 
     What moves on it is where it starts.
 
     Args:
-        axes: Of matplotlib, x to the right, y upwards.
+        views: Axes of matplotlib, x to the right, y upwards.
         fixture: In its own frame.
     """
     whole = Part(fixture.name, _shapes(fixture))
-    _draw(axes, _seen(whole), _SEEN)
-    _draw(axes, sections_at(whole, -_CUT_BELOW), _CUT)
+    _draw(views, _seen(whole), _SEEN)
+    _draw(views, sections_at(whole, -_CUT_BELOW), _CUT)
 
 
-def draw_from_side(axes: Any, fixture: Part) -> None:
+def draw_from_side(views: Sequence[Any], fixture: Part) -> None:
     """Draw a fixture along its y in mm, darker where the plane y = 0 cuts it.
 
     What moves on it is where it starts.
 
     Args:
-        axes: Of matplotlib, x to the right, z upwards.
+        views: Axes of matplotlib, x to the right, z upwards.
         fixture: In its own frame.
     """
     turned = [one.moved(np.zeros(3), _QUARTER) for one in _shapes(fixture)]
     aside = Part(fixture.name, tuple(turned))
     upright = np.array([1.0, -1.0])
-    _draw(axes, [line * upright for line in _seen(aside)], _SEEN)
-    _draw(axes, [line * upright for line in sections_at(aside, 0.0)], _CUT)
+    _draw(views, [line * upright for line in _seen(aside)], _SEEN)
+    _draw(views, [line * upright for line in sections_at(aside, 0.0)], _CUT)
 
 
 def figure_title(title: str, columns: int) -> str:
@@ -70,15 +70,15 @@ def _seen(part: Part) -> list[Array]:
     return [hull_line(each[:, :2]) for each in points]
 
 
-def _draw(axes: Any, lines: Sequence[Array], colour: str) -> None:
+def _draw(views: Sequence[Any], lines: Sequence[Array], colour: str) -> None:
     """Fill convex areas, and draw the edge of all of them together.
 
     Their edges are drawn first: fillings then hide those between neighbours.
     """
     scaled = [1e3 * line for line in lines]
-    for edge, width in ((INK, 1.6), (colour, 0.2)):
-        axes.add_collection(
-            PolyCollection(
+    for axes in views:
+        for edge, width in ((INK, 1.6), (colour, 0.2)):
+            areas = PolyCollection(
                 scaled, facecolors=colour, edgecolors=edge, linewidths=width, zorder=0
             )
-        )
+            axes.add_collection(areas)

@@ -45,9 +45,9 @@ def draw_search(report: Report, poses: Sequence[FixturePose], fixture: Part) -> 
     longest = max((period * len(o.course.path) for o in shown), default=1.0)
     shifts = (np.linalg.norm(o.conditions.perturbation[SHIFT]) for o in shown)
     side = 1e3 * max(float(np.abs(fixture.corners[:, :2]).max()), *shifts)
+    draw_from_above(row, fixture)
     lines: Any = None
     for column, (axes, pose) in enumerate(zip(row, poses, strict=True)):
-        draw_from_above(axes, fixture)
         turn = matrix_from_quat(pose.pose().quat_wxyz).T
         for outcome in (o for o in shown if o.job.pose == column):
             believed = -1e3 * (turn @ np.array(outcome.conditions.perturbation[SHIFT]))

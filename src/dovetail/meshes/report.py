@@ -13,8 +13,7 @@ from dovetail.meshes.slices import Slicer
 from dovetail.meshes.words import numbers
 from dovetail.page import figure, finite, page, text
 from dovetail.types import Array
-from dovetail.workcell.parts import Primitive
-from dovetail.workcell.planar import import_shapely
+from dovetail.workcell.near_mouth import sections_at
 
 _PICTURED = 5
 """Heights of which there is a picture."""
@@ -85,28 +84,9 @@ def _sections(check: Check) -> bytes:
         nearest = int(np.argmin(np.abs(np.array(chosen) - tight)))
         chosen[nearest] = tight
     meshes = [Slicer(one.vertices, one.faces) for one in (check.plug, check.socket)]
-    pieces = [one for part in check.parts for one in part.primitives]
-    drawn = [
-        (z, meshes[0].at(z), meshes[1].at(z), _outlines(pieces, z))
-        for z in reversed(chosen)
-    ]
+
+    def pieces(z: float) -> list[Array]:
+        return [line for part in check.parts for line in sections_at(part, z)]
+
+    drawn = [(z, meshes[0].at(z), meshes[1].at(z), pieces(z)) for z in reversed(chosen)]
     return draw_sections(drawn, check.clearance)
-
-
-def _outlines(pieces: Sequence[Primitive], z: float) -> list[Array]:
-    """Return the outlines of convex pieces at a height [m]."""
-    shapely = import_shapely()
-    found = []
-    for piece in pieces:
-        corners = piece.corners()
-        up = corners[:, 2] > z
-        if up.all() or not up.any():
-            continue
-        above, below = corners[up], corners[~up]
-        rise = above[:, None, 2:] - below[None, :, 2:]
-        share = (z - below[None, :, 2:]) / rise
-        points = below[None] + share * (above[:, None] - below[None])
-        hull = shapely.MultiPoint(points.reshape(-1, 3)[:, :2]).convex_hull
-        if hull.geom_type == "Polygon":
-            found.append(np.array(hull.exterior.coords)[:-1])
-    return found

@@ -100,11 +100,6 @@ class HoleBlock:
                 )
         return self
 
-    @property
-    def height(self) -> float:
-        """Height of the block [m]."""
-        return self.depth + self.floor_thickness
-
     def part(self, peg: Peg, clearance: float) -> Part:
         """Return the block in the hole's frame: a wall per edge, a floor if any.
 
